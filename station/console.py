@@ -200,10 +200,10 @@ def open_on_nothing(handle: int) -> int | None:
     try:
         os.fstat(handle)
     except OSError:
-        found = os.open(os.devnull, os.O_RDWR)
-        if found != handle:
-            os.dup2(found, handle)
-            os.close(found)
+        opened = os.open(os.devnull, os.O_RDWR)
+        if opened != handle:
+            os.dup2(opened, handle)
+            os.close(opened)
         os.set_inheritable(handle, True)  # as a standard stream is: the guardian has it, too
         return handle
     return None

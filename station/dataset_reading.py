@@ -146,7 +146,7 @@ def read_dataset(path: Path) -> RawDataset:
         elif is_none := in_place_of_file(file.parent / text):
             faults.append(document.fault(("files", name), f"'{text}' {is_none}"))
         elif not is_there(file.parent / text):
-            there = [one.name for one in sorted(file.parent.glob("*.csv"))]
+            there = [path.name for path in sorted(file.parent.glob("*.csv"))]
             hint = nearest(text, there)
             what = f"there is no file '{text}' in the dataset's folder"
             faults.append(document.fault(("files", name), what, hint and f"'{hint}'"))

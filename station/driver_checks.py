@@ -45,7 +45,7 @@ def settings_of_role(instance: str) -> type[BaseModel] | None:
 
 def keys_of(model: type[BaseModel]) -> list[str]:
     """Return the keys of a model, those that it adds to another one first."""
-    before = [len(one.model_fields) for one in model.__mro__[1:] if issubclass(one, BaseModel)]
+    before = [len(base.model_fields) for base in model.__mro__[1:] if issubclass(base, BaseModel)]
     keys = [key_of(model, name) for name in model.model_fields]
     return [*keys[before[0] :], *keys[: before[0]]]
 
@@ -66,17 +66,17 @@ def driver_faults(document: Document) -> Iterator[Fault]:
         if driver not in registry.names(registry.DRIVERS):
             continue
         try:
-            found = registry.load(registry.DRIVERS, driver)
+            loaded = registry.load(registry.DRIVERS, driver)
         except Exception as error:  # whatever keeps it from being checked keeps it from being used
             yield document.fault(("instruments", name, "driver"), str(error))
             continue
         try:
-            own = [*_own_faults(document, name, found)]
+            own = [*_own_faults(document, name, loaded)]
         except Exception as error:  # whatever the package of a driver makes of its settings
             what = f"the settings of the driver '{driver}' cannot be checked ({error!r}); repair it"
             yield document.fault(("instruments", name, "driver"), what)
             continue
-        drivers[name] = found
+        drivers[name] = loaded
         yield from own
     for place, name, quantity in _watched(document, instruments):
         if name in drivers and quantity in quantities_of(name):
@@ -94,10 +94,10 @@ def role_faults(document: Document) -> Iterator[Fault]:
         if wanted is None or driver not in registry.names(registry.DRIVERS):
             continue
         with suppress(Exception):  # why it cannot be loaded or looked at is said by `driver_faults`
-            found = registry.load(registry.DRIVERS, driver)
-            fills = roles_of(found)
+            loaded = registry.load(registry.DRIVERS, driver)
+            fills = roles_of(loaded)
             if wanted.name not in fills:
-                why = listed(wanted.missing_verbs(found)) if not fills else ", ".join(fills)
+                why = listed(wanted.missing_verbs(loaded)) if not fills else ", ".join(fills)
                 can = f"it can be {why}" if fills else why
                 what = f"the driver '{driver}' cannot be a {wanted.name}; {can}"
                 yield document.fault(("instruments", name, "driver"), what)
@@ -180,8 +180,8 @@ def _watched(
 
 def _looks(when: Any, where: Where) -> Iterator[tuple[Where, str, str]]:
     for key, part in mapping(when).items():
-        for number, one in enumerate(listing(part) if key in ("any", "all") else ()):
-            yield from _looks(one, (*where, key, number))
+        for number, item in enumerate(listing(part) if key in ("any", "all") else ()):
+            yield from _looks(item, (*where, key, number))
         if key == "not":
             yield from _looks(part, (*where, key))
     if "quantity" in mapping(when):

@@ -101,7 +101,7 @@ class BenchEnergised(StationError):
     """Something on the bench is energised that this run neither uses nor may switch off."""
 
     def __init__(self, energised: list[str]) -> None:
-        listed = "".join(f"\n  - {one}" for one in energised)
+        listed = "".join(f"\n  - {instrument}" for instrument in energised)
         super().__init__(
             "the bench is not at rest, and nothing was energised by this run; switch off by hand, "
             f"or by the run that uses it, then start again:{listed}"
@@ -180,6 +180,6 @@ def place_of(error: BaseException) -> str:
 
     Of one that NumPy or SciPy raised, the line that called them.
     """
-    frames = [(Path(one.filename), one.lineno) for one in extract_tb(error.__traceback__)]
+    frames = [(Path(frame.filename), frame.lineno) for frame in extract_tb(error.__traceback__)]
     own = [f"{path.name}:{line}" for path, line in frames if not set(NUMERICS) & set(path.parts)]
     return f", in {own[-1]}" if own else ""

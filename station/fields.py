@@ -156,9 +156,9 @@ class WarmUpWindow(StrictModel):
 def unit_in(parts: tuple[object, ...]) -> Unit | None:
     """Return the first unit within annotations: `Unit`, `Hertz`, `Hertz | None`, `list[Hertz]`."""
     for part in parts:
-        found = part if isinstance(part, Unit) else unit_in(get_args(part))
-        if found is not None:
-            return found
+        unit = part if isinstance(part, Unit) else unit_in(get_args(part))
+        if unit is not None:
+            return unit
     return None
 
 

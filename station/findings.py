@@ -196,9 +196,9 @@ class Analysis:
 
     def estimate(self, name: str, axis: str | None = None) -> Estimate:
         """Return one estimate; KeyError where the data do not concern it."""
-        for one in self.estimates:
-            if (one.name, one.axis) == (name, axis):
-                return one
+        for estimate in self.estimates:
+            if (estimate.name, estimate.axis) == (name, axis):
+                return estimate
         raise KeyError((name, axis))
 
 

@@ -34,7 +34,7 @@ class OwnPackages(MetaPathFinder):
 
 def take_precedence() -> None:
     """Have the station's own packages imported under their names from now on."""
-    if not any(isinstance(one, OwnPackages) for one in sys.meta_path):
+    if not any(isinstance(finder, OwnPackages) for finder in sys.meta_path):
         sys.meta_path.insert(0, OwnPackages())
 
 

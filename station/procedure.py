@@ -255,20 +255,20 @@ class Procedure:
         """
         work = tuple(self.work(parameters))
         steps, instruments = [step.number for step in self.steps], self.instruments(parameters)
-        for one in work:
-            if one.step not in steps:
+        for part in work:
+            if part.step not in steps:
                 raise InputError(
-                    f"{self.name} declares work of step {one.step}, and its steps are "
+                    f"{self.name} declares work of step {part.step}, and its steps are "
                     f"{', '.join(steps)}"
                 )
             named = (
-                *(command.instrument for command in one.commands),
-                *(r.instrument for r in one.rows),
+                *(command.instrument for command in part.commands),
+                *(r.instrument for r in part.rows),
             )
             for instrument in named:
                 if instrument not in instruments:
                     raise InputError(
-                        f"{self.name} declares work of {instrument} in step {one.step}, and its "
+                        f"{self.name} declares work of {instrument} in step {part.step}, and its "
                         f"`instruments` names {', '.join(instruments)}"
                     )
         return work
@@ -296,8 +296,8 @@ class Procedure:
     def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, float]]:
         """Yield each step with the bench time in s that it is expected to take."""
         work_s: dict[str, float] = {}
-        for one in self.declared(parameters):
-            work_s[one.step] = work_s.get(one.step, 0.0) + one.duration_s
+        for part in self.declared(parameters):
+            work_s[part.step] = work_s.get(part.step, 0.0) + part.duration_s
         for step in self.steps:
             yield step, step.duration_s(parameters) + work_s.get(step.number, 0.0)
 

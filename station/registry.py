@@ -30,12 +30,16 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
 
     Of two that have one name, that of the package which Python finds first counts.
     """
-    found: dict[str, dict[str, EntryPoint]] = {}
+    groups: dict[str, dict[str, EntryPoint]] = {}
     odd: list[str] = []
     doubled: list[str] = []
     for package in distributions():
         try:
-            offered = [one for one in package.entry_points if one.group.startswith(OURS)]
+            offered = [
+                entry_point
+                for entry_point in package.entry_points
+                if entry_point.group.startswith(OURS)
+            ]
         except Exception as error:  # metadata that anybody may have written
             odd.append(
                 f"the entry points of the package {name_of(package)} cannot be read ({error!r}); "
@@ -43,7 +47,7 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
             )
             continue
         for entry in offered:
-            first = found.setdefault(entry.group, {}).setdefault(entry.name, entry)
+            first = groups.setdefault(entry.group, {}).setdefault(entry.name, entry)
             if name_of(first.dist) != name_of(package):
                 doubled.append(
                     f"the {kind_in(entry.group)} '{entry.name}' is offered by two packages, "
@@ -52,7 +56,7 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
                 )
     if odd:
         have_none_where_unreadable()
-    return found, (*odd, *doubled)
+    return groups, (*odd, *doubled)
 
 
 def kind_in(group: str) -> str:
@@ -69,10 +73,10 @@ def have_none_where_unreadable() -> None:
 
     def read(package: Distribution) -> EntryPoints:
         try:
-            found: EntryPoints = readable(package)
+            entries: EntryPoints = readable(package)
         except Exception:  # as above
             return EntryPoints()
-        return found
+        return entries
 
     setattr(Distribution, "entry_points", property(read))  # noqa: B010
 
@@ -101,9 +105,9 @@ def load(group: str, name: str) -> Any:
         known = ", ".join(names(group)) or "none"
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
-        found = entry.load()
-        _refuse_other(group, kind, found)
-        return found
+        loaded = entry.load()
+        _refuse_other(group, kind, loaded)
+        return loaded
     except (Exception, SystemExit) as error:  # whatever the package does when it is imported
         raise InputError(
             f"the {kind} {name!r} of the package {name_of(entry.dist)} cannot be loaded from "
@@ -111,10 +115,10 @@ def load(group: str, name: str) -> Any:
         ) from error
 
 
-def _refuse_other(group: str, kind: str, found: object) -> None:
-    lacking = [name for name in MUST_HAVE.get(group, ()) if not hasattr(found, name)]
+def _refuse_other(group: str, kind: str, loaded: object) -> None:
+    lacking = [name for name in MUST_HAVE.get(group, ()) if not hasattr(loaded, name)]
     if lacking:
-        raise TypeError(f"{found!r:.80} is no {kind}: it has no {lacking[0]}")
+        raise TypeError(f"{loaded!r:.80} is no {kind}: it has no {lacking[0]}")
 
 
 def loaded(group: str) -> Iterator[tuple[str, Any]]:
@@ -137,7 +141,7 @@ def folder_of(group: str, name: str) -> Path | None:
     """Return the folder of the module that an entry names; None where there is none."""
     entry = offers()[0].get(group, {}).get(name)
     try:
-        found = find_spec(entry.module) if entry else None
+        spec = find_spec(entry.module) if entry else None
     except (ImportError, ValueError):
         return None
-    return Path(found.origin).parent if found is not None and found.origin else None
+    return Path(spec.origin).parent if spec is not None and spec.origin else None

@@ -119,7 +119,7 @@ def history(folder: RunFolder) -> dict[str, Array]:
     columns |= {f"gyro {axis}": (NAVIGATOR, f"temperature_{axis}_degC", THINNED) for axis in AXES}
     found = {}
     for name, (source, column, every) in columns.items():
-        blocks = [block for unit in BETWEEN_TURNS for block in folder.course(source, unit, every)]
+        blocks = [block for unit in BETWEEN_TURNS for block in folder.recorded_blocks(source, unit, every)]
         if blocks:
             rows = np.concatenate([np.column_stack((one[ARRIVAL], one[column])) for one in blocks])
             found[name] = rows[np.argsort(rows[:, 0])]

@@ -30,7 +30,7 @@ from station.runner.evaluation import (
 
 def print_document(document: ResultDocument) -> None:
     """Print results with expanded uncertainties, the published values, flags and the verdict."""
-    published = {(one.name, one.axis): one for one in document.published}
+    published = {(entry.name, entry.axis): entry for entry in document.published}
     for result in document.results:
         estimate, combined = result.estimate, result.combined
         value, uncertainty = format_result(result)

@@ -69,7 +69,7 @@ def run_elsewhere(
     It gets one where it is to be detached, and where a person watches it at this terminal.
     """
     if detach:
-        wanted = [one for one in arguments if one != "--detach"]
+        wanted = [argument for argument in arguments if argument != "--detach"]
         return run_detached(wanted, as_json=as_json)
     person = sys.stderr.isatty() and may_ask(non_interactive=non_interactive) and not as_json
     return run_attended(arguments) if person and sys.platform != "win32" else None
@@ -200,7 +200,7 @@ def ask_what_was_left(folder: Path) -> None:
     """Ask for what no step waited for, in the run's last process."""
     left = RunFolder(folder).of_last_process(LEFT_FOR_THE_END)
     operator = Operator(RealClock(), {}, interactive=sys.stdin.isatty(), act=None)
-    operator.ask_at_the_end([Prompt.from_data(one.details) for one in left])
+    operator.ask_at_the_end([Prompt.from_data(event.details) for event in left])
 
 
 class Viewer:
@@ -254,7 +254,7 @@ class Viewer:
                 self._speed = float(details.get("speed") or 0.0)
                 self._units = dict(details.get("units_expected", {}))
                 self._expected_s = {
-                    one["step"]: float(one["expected_s"]) for one in details.get("steps", ())
+                    step["step"]: float(step["expected_s"]) for step in details.get("steps", ())
                 }
             case "step-started":
                 self._step_s = event.time_s

@@ -29,9 +29,11 @@ def commission_bench(
     The plan is fitted to the bench, as far as an override does not state otherwise.
     """
     bench = read_bench_named(bench_name)
-    stated = {key.strip(): text for key, _, text in (one.partition("=") for one in overrides)}
+    stated = {
+        key.strip(): text for key, _, text in (override.partition("=") for override in overrides)
+    }
     fits = procedure_of(PLAN).fits(bench, check, stated)
-    fitted = [one for one in fits if one.partition("=")[0] not in stated]
+    fitted = [fit for fit in fits if fit.partition("=")[0] not in stated]
     request = request_of(
         PLAN,
         bench_name,

@@ -14,24 +14,31 @@ ALIKE = "alike in both"
 
 def compare_runs(first: Path, second: Path, *, as_json: bool) -> None:
     """Print where two runs differ, and their results in units of their uncertainties."""
-    found = compare(first, second)
+    comparison = compare(first, second)
     if as_json:
-        print(json.dumps(found.to_data(), indent=1, ensure_ascii=False))
+        print(json.dumps(comparison.to_data(), indent=1, ensure_ascii=False))
     else:
-        print("\n".join(lines(found)))
+        print("\n".join(lines(comparison)))
 
 
-def lines(found: Comparison) -> Iterator[str]:
+def lines(comparison: Comparison) -> Iterator[str]:
     """Yield what is printed of a comparison."""
-    yield f"A  {found.runs[0]}"
-    yield f"B  {found.runs[1]}"
-    parts = {"plan": found.plan, "instruments": found.instruments, "software": found.software}
+    yield f"A  {comparison.runs[0]}"
+    yield f"B  {comparison.runs[1]}"
+    parts = {
+        "plan": comparison.plan,
+        "instruments": comparison.instruments,
+        "software": comparison.software,
+    }
     for name, differences in parts.items():
         yield f"{name}:" + ("" if differences else f"  {ALIKE}")
-        yield from table([_row(one) for one in differences])
+        yield from table([_row(difference) for difference in differences])
     yield "results:"
     yield from table(
-        [("", "A", "B", "unit", "B - A", "in u"), *(_result(one) for one in found.results)]
+        [
+            ("", "A", "B", "unit", "B - A", "in u"),
+            *(_result(result) for result in comparison.results),
+        ]
     )
 
 
@@ -43,18 +50,23 @@ def table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
         yield f"  {'  '.join(cells)}".rstrip()
 
 
-def _row(one: Difference) -> tuple[str, str, str]:
-    first, second = ("-" if value is None else str(value) for value in (one.first, one.second))
-    return one.where, first, second
+def _row(difference: Difference) -> tuple[str, str, str]:
+    first, second = (
+        "-" if value is None else str(value) for value in (difference.first, difference.second)
+    )
+    return difference.where, first, second
 
 
-def _result(one: ResultPair) -> tuple[str, ...]:
+def _result(pair: ResultPair) -> tuple[str, ...]:
     """Return a row; the difference has the digits that the larger uncertainty gives a meaning."""
-    title = " ".join(filter(None, (one.name.replace("_", " "), one.axis)))
+    title = " ".join(filter(None, (pair.name.replace("_", " "), pair.axis)))
     first, second = (
         " ± ".join(format_with_uncertainty(value, u)) if u is not None else format_number(value)
-        for value, u in ((one.first, one.first_u), (one.second, one.second_u))
+        for value, u in (
+            (pair.first, pair.first_u),
+            (pair.second, pair.second_u),
+        )
     )
-    u = max(one.first_u or 0.0, one.second_u or 0.0)
-    difference = format_with_uncertainty(one.difference, u or None)[0]
-    return title, first, second, one.unit, difference, format_number(one.in_u, 2)
+    u = max(pair.first_u or 0.0, pair.second_u or 0.0)
+    difference = format_with_uncertainty(pair.difference, u or None)[0]
+    return title, first, second, pair.unit, difference, format_number(pair.in_u, 2)

@@ -112,7 +112,7 @@ def real_rest_of_step_s(run: Path, status: Status) -> float | None:
     events = list(read_events(run / EVENTS))
     planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
     speed, steps = planned.get("speed"), planned.get("steps", [])
-    present = [one for one in steps if one["step"] == status.step]
+    present = [step for step in steps if step["step"] == status.step]
     left_s = remaining_s({"steps": present}, events, status.run_time_s)
     return left_s / speed if speed and present and left_s is not None else None
 
@@ -247,7 +247,7 @@ def say_how_it_ended(
     ended: bool = True,
 ) -> int:
     """Say how the bench was left; return 0 where every instrument was read back as safe, else 3."""
-    unverified = [one for one in outcomes or () if not one["verified"]]
+    unverified = [outcome for outcome in outcomes or () if not outcome["verified"]]
     safe = outcomes is not None and not unverified
     exit_code = EXIT_DONE if safe and ended else EXIT_FAULT
     # One that has not ended may have no log that can be read; it reports what it used alone.
@@ -258,8 +258,9 @@ def say_how_it_ended(
         print_json({**data, **told}, exit_code)
         return exit_code
     print(f"the run: {message}")
-    for one in outcomes or ():
-        print(f"{one['instrument']:<20}{one['read_back'].removeprefix(one['instrument'] + ': ')}")
+    for outcome in outcomes or ():
+        name = outcome["instrument"]
+        print(f"{name:<20}{outcome['read_back'].removeprefix(name + ': ')}")
     if safe:
         used = "every instrument that the run used was read back as safe, others were not read yet"
         print(whole_bench(left_out) if ended else used)
@@ -268,8 +269,10 @@ def say_how_it_ended(
             "NOT VERIFIED: no word of how the bench was left; go to it now, and switch off by hand "
             "what is on"
         )
-    for one in unverified:
-        tell(f"NOT VERIFIED: {one['instrument']} could not be proven safe; switch it off by hand")
+    for outcome in unverified:
+        tell(
+            f"NOT VERIFIED: {outcome['instrument']} could not be proven safe; switch it off by hand"
+        )
     return exit_code
 
 

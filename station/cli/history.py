@@ -33,9 +33,9 @@ def show_history(
     if page is not None:
         _write(page, entries, wanted)
     elif as_json:
-        print(json.dumps({"results": [asdict(one) for one in entries]}, indent=1))
+        print(json.dumps({"results": [asdict(entry) for entry in entries]}, indent=1))
     elif entries:
-        print("\n\n".join("\n".join(lines(one)) for one in series_of(entries)))
+        print("\n\n".join("\n".join(lines(series)) for series in series_of(entries)))
     else:
         print(f"no results {about(wanted)}")
 
@@ -56,7 +56,7 @@ def about(wanted: Wanted) -> str:
 def lines(series: Series) -> list[str]:
     """Return the newest runs of a row, a line each, under its title."""
     shown = series.entries[-NEWEST:]
-    cells = [_cells(one) for one in shown]
+    cells = [_cells(entry) for entry in shown]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     rows = [
         "  "
@@ -68,19 +68,25 @@ def lines(series: Series) -> list[str]:
     return [head + (f"  ({more} earlier runs not shown)" if more else ""), *rows, *_verdict(series)]
 
 
-def _cells(one: Entry) -> Sequence[str]:
-    value, uncertainty = format_with_uncertainty(one.value, one.expanded_uncertainty)
-    number = value if one.value is None else f"{value} ± {uncertainty}"
-    return (one.started_utc[:16].replace("T", " "), one.serial, number, one.verdict, one.run)
+def _cells(entry: Entry) -> Sequence[str]:
+    value, uncertainty = format_with_uncertainty(entry.value, entry.expanded_uncertainty)
+    number = value if entry.value is None else f"{value} ± {uncertainty}"
+    return (
+        entry.started_utc[:16].replace("T", " "),
+        entry.serial,
+        number,
+        entry.verdict,
+        entry.run,
+    )
 
 
 def _verdict(series: Series) -> list[str]:
     """Return what the row says as a whole, where there is enough of it."""
-    found = []
+    sentences = []
     cpk = series.capability()
     if cpk is not None:
-        found.append(f"  Cpk over {len(series.newest_of_each_unit())} units: {cpk:.2f}")
-    return found
+        sentences.append(f"  Cpk over {len(series.newest_of_each_unit())} units: {cpk:.2f}")
+    return sentences
 
 
 def _write(page: Path, entries: Sequence[Entry], wanted: Wanted) -> None:

@@ -53,15 +53,15 @@ def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_js
     Returns exit code 3 when nothing answers.
     """
     seen = scan(hosts, library, read_served(served) if served else None)
-    answered = any(one.answered for one in seen)
+    answered = any(answer.answered for answer in seen)
     if as_json:
-        found = [vars(one) for one in seen]
-        print(json.dumps({"seen": found, "draft": draft(seen)}, indent=1, ensure_ascii=False))
+        rows = [vars(answer) for answer in seen]
+        print(json.dumps({"seen": rows, "draft": draft(seen)}, indent=1, ensure_ascii=False))
     else:
-        for one in seen:
-            mark = "     " if not one.answered else "ok   " if one.driver else "?    "
-            told = f"{one.driver}: {one.said}" if one.driver else one.said
-            print(f"{mark} {one.address:<36} {told}", file=sys.stderr)
+        for answer in seen:
+            mark = "     " if not answer.answered else "ok   " if answer.driver else "?    "
+            told = f"{answer.driver}: {answer.said}" if answer.driver else answer.said
+            print(f"{mark} {answer.address:<36} {told}", file=sys.stderr)
         print(draft(seen), end="")
     if not answered:
         print(

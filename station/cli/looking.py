@@ -26,14 +26,14 @@ def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> 
     from station.roles.role import collected
 
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
-    found = {one: entries(one, search) for one in kinds}
+    tables = {what: entries(what, search) for what in kinds}
     for said in (*registry.offers()[1], *collected()[1]):
         tell(f"WARNING: {said}")
     if as_json:
-        print(json.dumps(found, indent=1, ensure_ascii=False))
+        print(json.dumps(tables, indent=1, ensure_ascii=False))
         return
-    for one, rows in found.items():
-        print(f"{one}:")
+    for what, rows in tables.items():
+        print(f"{what}:")
         width = max((len(row["name"]) for row in rows), default=0)
         for row in rows:
             print(f"  {row['name']:<{width}}  {row['about']}".rstrip())
@@ -60,7 +60,7 @@ def entries(kind: str, search: str = "") -> list[dict[str, Any]]:
             }
             for name in registry.names(registry.DRIVERS)
         ]
-    return [listed_run(one) for one in reversed(newest_runs(RUNS, search))]
+    return [listed_run(run) for run in reversed(newest_runs(RUNS, search))]
 
 
 def about(procedure: str) -> str:
@@ -99,7 +99,7 @@ def rows(status: Status) -> list[tuple[str, str]]:
     of = "" if status.units_planned is None else f" of {status.units_planned}"
     shown = ", ".join(status.units_finished[-MOST_UNITS:])
     listed = f" ({'… ' if done > MOST_UNITS else ''}{shown})" if done else ""
-    found = [
+    table = [
         ("run", status.run),
         ("procedure", status.procedure or "unknown"),
         ("device", f"{dut['model']} {dut['serial']}" if dut else "unknown"),
@@ -109,11 +109,11 @@ def rows(status: Status) -> list[tuple[str, str]]:
         ("run time", span(status.run_time_s)),
     ]
     if status.state in ("running", "paused") and status.remaining_s is not None:
-        found.append(("bench time left", f"about {span(status.remaining_s)}"))
+        table.append(("bench time left", f"about {span(status.remaining_s)}"))
     if status.bench_safe is not None:
         whole = whole_bench(status.left_out).removeprefix("the bench is ")
-        found.append(("bench", whole if status.bench_safe else "NOT VERIFIED as safe"))
+        table.append(("bench", whole if status.bench_safe else "NOT VERIFIED as safe"))
     elif status.state == "interrupted":
-        found.append(("bench", "NOT made safe by the run itself; look at it now"))
-    found.append(("last message", status.message))
-    return found
+        table.append(("bench", "NOT made safe by the run itself; look at it now"))
+    table.append(("last message", status.message))
+    return table

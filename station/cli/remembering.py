@@ -19,13 +19,13 @@ def out_of_control(bench: str, runs: Path) -> list[str]:
 
     try:
         with closing(History(runs)) as history:
-            found = drifted(history.results(Wanted(bench=bench, check_standard=True)))
+            sentences = drifted(history.results(Wanted(bench=bench, check_standard=True)))
     except StationError as error:
         return [str(error)]
     return [
-        f"bench {bench} is out of control: {one}; look at `station history --bench {bench} "
+        f"bench {bench} is out of control: {sentence}; look at `station history --bench {bench} "
         "--check-standards` before you trust this run"
-        for one in found
+        for sentence in sentences
     ]
 
 

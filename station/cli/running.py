@@ -160,29 +160,29 @@ def report_end(outcome: Outcome) -> None:
     """Tell the technician on standard error how the run and the bench ended."""
     if outcome.error is not None:
         tell(f"\nthe run did not finish: {outcome.error}")
-    for one in outcome.unsafe:
-        read_back = one.read_back.removeprefix(f"{one.instrument}: ")
-        if not one.used:
+    for reading in outcome.unsafe:
+        read_back = reading.read_back.removeprefix(f"{reading.instrument}: ")
+        if not reading.used:
             tell(
-                f"NOT VERIFIED: {one.instrument}, which this run did not use, is not at rest "
+                f"NOT VERIFIED: {reading.instrument}, which this run did not use, is not at rest "
                 f"({read_back}); switch it off by hand, or by the run that uses it"
             )
             continue
-        declared = role(role_of(one.instrument))
+        declared = role(role_of(reading.instrument))
         wanted = declared and declared.safe_state
         state = f", which is: {wanted.brought_to}" if wanted else ""
         tell(
-            f"NOT VERIFIED: {one.instrument} could not be proven safe ({read_back}); bring it "
+            f"NOT VERIFIED: {reading.instrument} could not be proven safe ({read_back}); bring it "
             f"by hand to its safe state{state}"
         )
     if outcome.left_to:
         tell(outcome.left_to)
-    for one in outcome.safe:
-        if one.skipped:
-            tell(f"{one.instrument}: {one.skipped}")
+    for reading in outcome.safe:
+        if reading.skipped:
+            tell(f"{reading.instrument}: {reading.skipped}")
     left_out = [
-        {"instrument": one.instrument, "why": why_short(one.why, outcome.error or "")}
-        for one in outcome.left_out
+        {"instrument": left.instrument, "why": why_short(left.why, outcome.error or "")}
+        for left in outcome.left_out
     ]
     if (outcome.safe or outcome.outside) and not outcome.unsafe:
         tell(whole_bench(left_out))
@@ -220,9 +220,9 @@ def document_of(outcome: Outcome, procedure: str) -> dict[str, Any]:
         "run": str(outcome.folder),
         "exit_code": outcome.exit_code,
         "error": outcome.error,
-        "safe_state": [one.to_data() for one in outcome.safe],
-        "outside": [one.to_data() for one in outcome.outside],
-        "left_out": [one.to_data() for one in outcome.left_out],
+        "safe_state": [reading.to_data() for reading in outcome.safe],
+        "outside": [reading.to_data() for reading in outcome.outside],
+        "left_out": [left.to_data() for left in outcome.left_out],
     }
 
 
@@ -298,10 +298,10 @@ def dry_run_lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
     title = procedure_of(plan.procedure).title
     yield f"{title}: {plan.dut.model} {plan.dut.serial}, bench {bench.name}"
     yield "step   begins at    takes"
-    for one in walked.steps:
-        when = f"{span(one.starts_s):<12} {span(one.expected_s):<12}"
-        yield f"{one.step:<6} {when} {one.title}"
-        for words, _ in groupby(f"{point.instrument}: {point.text}" for point in one.set_points):
+    for step in walked.steps:
+        when = f"{span(step.starts_s):<12} {span(step.expected_s):<12}"
+        yield f"{step.step:<6} {when} {step.title}"
+        for words, _ in groupby(f"{point.instrument}: {point.text}" for point in step.set_points):
             yield f"{'':<33}{words}"
     yield ""
     for extreme in walked.extremes:

@@ -27,7 +27,7 @@ class DetachedRuns:
             plan = read_plan_for(wanted.plan, bench, wanted.overrides)
             walked = walk(plan, bench, self._runs)
         except FaultList as error:
-            return {"faults": [str(one) for one in error.faults]}
+            return {"faults": [str(fault) for fault in error.faults]}
         except StationError as error:
             return {"faults": [str(error)]}
         faults = []
@@ -50,7 +50,7 @@ class DetachedRuns:
         if faults := self.look(wanted, role)["faults"]:
             raise InputError("; ".join(faults))
         arguments = ["run", wanted.plan, "--bench", wanted.bench, "--output", str(self._runs)]
-        arguments += [part for one in wanted.overrides for part in ("--set", one)]
+        arguments += [part for override in wanted.overrides for part in ("--set", override)]
         if read_bench_named(wanted.bench).simulation is not None:
             arguments.append("--rehearse")
         return begin_detached(arguments).name

@@ -74,8 +74,8 @@ def read_served(path: Path) -> dict[str, Any]:
     try:
         head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
         clock = {name: float(head["clock"][name]) for name in ("speed", "epoch_unix")}
-        instruments = {name: {**one} for name, one in head["instruments"].items()}
-        all(one["address"] for one in instruments.values())
+        instruments = {name: {**served} for name, served in head["instruments"].items()}
+        all(instrument["address"] for instrument in instruments.values())
         return {**head, "instruments": instruments, "clock": {**head["clock"], **clock}}
     except SERVED_WRONG as error:
         raise InputError(
@@ -101,21 +101,21 @@ def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
         "expected_s": round(procedure.duration_s(plan.parameters), 3),
         "memory_bytes": memory.needed_bytes,
         "determines": list(procedure.outlook(plan.parameters)),
-        "warnings": [one.sentence for one in warned],
+        "warnings": [warning.sentence for warning in warned],
     }
 
 
 def first_of(faults: Sequence[Fault]) -> list[dict[str, Any]]:
     """Return the first faults as data, and one that counts the others."""
     short = [
-        replace(one, where=shortened(one.where), what=shortened(one.what))
-        for one in faults[:MOST_FAULTS]
+        replace(fault, where=shortened(fault.where), what=shortened(fault.what))
+        for fault in faults[:MOST_FAULTS]
     ]
     more = len(faults) - MOST_FAULTS
     if more > 0:
         last = faults[MOST_FAULTS]
         short.append(replace(last, where="file", what=f"and {more} more faults", hint=None))
-    return [vars(one) for one in short]
+    return [vars(fault) for fault in short]
 
 
 def limits_never_held(plan: Plan, measured: Mapping[str, tuple[str, ...]]) -> Iterator[Fault]:
@@ -161,16 +161,16 @@ def validate_plans(
         print(f"WARNING: {said}", file=sys.stderr)
     try:
         bench = read_bench_named(bench_name)
-    except FaultList as found:
-        faults.extend(found.faults)
+    except FaultList as error:
+        faults.extend(error.faults)
     for name in names:
         try:
             if bench is None:
                 plans.append(read_plan(find(PLANS, name), Procedures(), overrides))
             else:
                 plans.append(read_plan_for(name, bench, overrides))
-        except FaultList as found:
-            faults.extend(found.faults)
+        except FaultList as error:
+            faults.extend(error.faults)
     # Several plans may share a base, a --set or the bench, and with it a fault.
     faults = list(dict.fromkeys(faults))
     if as_json:

@@ -15,43 +15,48 @@ from station.record.verification import Verification, verify
 
 def verify_runs(folders: Sequence[Path], *, as_json: bool) -> int:
     """Print what was changed in each folder; return 1 where anything was, 6 without a manifest."""
-    found = [held_against_history(verify(one), one) for one in folders]
+    verifications = [held_against_history(verify(folder), folder) for folder in folders]
     if as_json:
-        print(json.dumps({"runs": [one.to_data() for one in found]}, indent=1, ensure_ascii=False))
+        runs = [verification.to_data() for verification in verifications]
+        print(json.dumps({"runs": runs}, indent=1, ensure_ascii=False))
     else:
-        for one in found:
-            print("\n".join(lines(one)))
-    if any(one.changed for one in found):
+        for verification in verifications:
+            print("\n".join(lines(verification)))
+    if any(verification.changed for verification in verifications):
         return EXIT_OUTSIDE_LIMIT
-    return EXIT_DONE if all(one.proven for one in found) else EXIT_UNDETERMINED
+    proven = all(verification.proven for verification in verifications)
+    return EXIT_DONE if proven else EXIT_UNDETERMINED
 
 
-def held_against_history(found: Verification, folder: Path) -> Verification:
+def held_against_history(verification: Verification, folder: Path) -> Verification:
     """Return what was proven, and that the history knows another manifest, where one is kept.
 
     Whoever writes a run's files and its manifest anew does not change what the history holds.
     """
     parent = folder.resolve().parent
-    if found.changed or not found.proven or not is_kept(parent):
-        return found
+    if verification.changed or not verification.proven or not is_kept(parent):
+        return verification
     from station.history.store import History
     from station.history.summary import head_of
 
     with closing(History(parent)) as history:
         known = history.head_of(folder.resolve().name)
     if known is None or known == head_of(folder):
-        return found
+        return verification
     said = f"{folder} is not what the history took in at its end: its manifest was written anew"
-    return replace(found, changed=(said,))
+    return replace(verification, changed=(said,))
 
 
-def lines(one: Verification) -> list[str]:
+def lines(verification: Verification) -> list[str]:
     """Return what is said of one folder."""
-    if one.changed:
-        return [f"{one.run}: ALTERED", *(f"  {sentence}" for sentence in one.changed)]
-    if not one.proven:
+    if verification.changed:
         return [
-            f"{one.run}: not proven: it has no manifest, so its run was killed; its log, its "
-            "inputs and its raw blocks agree with their own check sums"
+            f"{verification.run}: ALTERED",
+            *(f"  {sentence}" for sentence in verification.changed),
         ]
-    return [f"{one.run}: unchanged, {one.files} files"]
+    if not verification.proven:
+        return [
+            f"{verification.run}: not proven: it has no manifest, so its run was killed; its log, "
+            "its inputs and its raw blocks agree with their own check sums"
+        ]
+    return [f"{verification.run}: unchanged, {verification.files} files"]

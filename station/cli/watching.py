@@ -84,7 +84,7 @@ def watch_in_lines(folder: Path, wait: Callable[[], None]) -> None:
 
 def step_of(state: dict[str, Any]) -> str:
     """Return the number of the step that began last."""
-    begun = [one["number"] for one in state["steps"] if one["state"] != "waits"]
+    begun = [step["number"] for step in state["steps"] if step["state"] != "waits"]
     return str(begun[-1]) if begun else "no step yet"
 
 

@@ -141,8 +141,8 @@ class Turns:
         """Give the turn to `participant` where nobody else could have it, else return False."""
         if self.running is not None or self.in_flight > self.held:
             return False
-        for one in self.waiting:
-            if one.wake_at == CALLED:
+        for waiting in self.waiting:
+            if waiting.wake_at == CALLED:
                 return False
         self.running = participant
         self.passed += 1
@@ -216,7 +216,7 @@ class Turns:
     def stop(self) -> None:
         """Wake every waiting thread that may be stopped; each ends outside the order of turns."""
         self.stopping = True
-        for participant in [one for one in self.waiting if one.stoppable]:
+        for participant in [participant for participant in self.waiting if participant.stoppable]:
             self.waiting.remove(participant)
             participant.stopped = True
             participant.turn.release()
@@ -230,9 +230,9 @@ class Turns:
         """Return who runs, who waits for what, and what is in flight."""
         running = f"{self.running.name} has the turn" if self.running else "nobody runs"
         sleepers = [
-            f"{one.name} is sleeping until {one.wake_at:.6g} s"
-            if one.sleeping
-            else f"{one.name} is {one.doing}"
-            for one in self.waiting
+            f"{participant.name} is sleeping until {participant.wake_at:.6g} s"
+            if participant.sleeping
+            else f"{participant.name} is {participant.doing}"
+            for participant in self.waiting
         ]
         return f"{running}; {'; '.join(sleepers) or 'nobody waits'}; {self.in_flight} in flight"

@@ -257,7 +257,7 @@ class TurnLock:
             self._hand_on()
 
     def _hand_on(self) -> None:
-        self._owner = min(self._queue, key=lambda one: one.order) if self._queue else None
+        self._owner = min(self._queue, key=lambda waiting: waiting.order) if self._queue else None
         if self._owner is not None:
             self._queue.remove(self._owner)
             self._owner.called()

@@ -77,7 +77,7 @@ class Fixture:
         entry = self.bench.instruments[self.name]
         place = self._place(self.name, address, limits)
         instrument = self.driver(
-            replace(place, shared={one: self._whole(one) for one in entry.shares})
+            replace(place, shared={share: self._whole(share) for share in entry.shares})
         )
         (self.opened if port is None else self.strangers).append(instrument)
         return instrument
@@ -141,9 +141,13 @@ def fixture_of(bench: Bench, name: str, procedure: str) -> Iterator[Fixture]:
     if bench.simulation is not None:
         simulator = registry.load(registry.SIMULATORS, registry.SIMULATED_BENCH)
         # What the bench has besides stays away: each test would set it up anew.
-        drivers = [bench.instruments[one].driver for one in (name, *bench.instruments[name].shares)]
+        drivers = [
+            bench.instruments[opened].driver for opened in (name, *bench.instruments[name].shares)
+        ]
         simulation = simulator(bench.data, clock, procedure, simulators_of(drivers))
-        addresses = {one: str(at["address"]) for one, at in simulation.instruments.items()}
+        addresses = {
+            instrument: str(at["address"]) for instrument, at in simulation.instruments.items()
+        }
         address = addresses.get(name, address)
     if bench.instruments[name].shares:
         address = ""  # the line is another instrument's

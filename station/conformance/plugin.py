@@ -57,10 +57,12 @@ def instrument_under_test(config: pytest.Config) -> tuple[Bench, str]:
         given = f"no driver is called {driver!r}" if driver else "no driver is given"
         raise pytest.UsageError(f"{given}; --station-driver takes one of {', '.join(known)}")
     bench = read_bench(find(BENCHES, config.getoption("--station-bench")), known)
-    names = [name for name, one in bench.instruments.items() if one.driver == driver]
+    names = [name for name, instrument in bench.instruments.items() if instrument.driver == driver]
     wanted = config.getoption("--station-instrument")
     if not names or (wanted and wanted not in names):
-        has = ", ".join(f"{name} ({one.driver})" for name, one in bench.instruments.items())
+        has = ", ".join(
+            f"{name} ({instrument.driver})" for name, instrument in bench.instruments.items()
+        )
         raise pytest.UsageError(
             f"the bench {bench.name} has no instrument {wanted or ''} with the driver {driver}; "
             f"it has {has}"
@@ -77,8 +79,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         wanted = set(getattr(item, "fixturenames", ())) & {*CLAIMS, *roles()}
         concerned = all(
-            hasattr(driver, CLAIMS[one]) if one in CLAIMS else one == role_of(name)
-            for one in wanted
+            hasattr(driver, CLAIMS[want]) if want in CLAIMS else want == role_of(name)
+            for want in wanted
         )
         (kept if concerned else left_out).append(item)
     items[:] = kept
@@ -100,10 +102,10 @@ def fixture(request: pytest.FixtureRequest) -> Iterator[Fixture]:
 @pytest.fixture
 def role(fixture: Fixture) -> Role:
     """Give the role of the instrument under test."""
-    found = roles().get(fixture.role)
-    if found is None:
+    declared = roles().get(fixture.role)
+    if declared is None:
         pytest.skip(f"no installed package says what a {fixture.role} can do")
-    return found
+    return declared
 
 
 @pytest.fixture

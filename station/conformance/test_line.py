@@ -77,7 +77,9 @@ def no_thread_left() -> Iterator[None]:
     """Prove that what is done inside leaves no thread behind."""
     before = set(threading.enumerate())
     yield
-    started = [one for one in set(threading.enumerate()) - before if "faulty" not in one.name]
+    started = [
+        thread for thread in set(threading.enumerate()) - before if "faulty" not in thread.name
+    ]
     for thread in started:
         thread.join(2.0)
     left = [thread.name for thread in started if thread.is_alive()]

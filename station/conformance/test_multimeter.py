@@ -53,7 +53,9 @@ def test_the_range_holds_what_was_asked_for(multimeter: Any) -> None:
     ranges = [multimeter.configure(volts, CYCLES) for volts in (0.05, LARGEST_V, 10.0)]
     assert ranges == sorted(ranges)
     # Instruments measure a little beyond the name of a range.
-    assert all(1.5 * found >= volts for found, volts in zip(ranges, (0.05, 1.0, 10.0), strict=True))
+    assert all(
+        1.5 * range_V >= volts for range_V, volts in zip(ranges, (0.05, 1.0, 10.0), strict=True)
+    )
 
 
 def test_a_voltage_beyond_every_range_is_refused(multimeter: Any) -> None:

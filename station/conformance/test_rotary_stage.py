@@ -112,7 +112,7 @@ def test_it_finds_its_zero_and_goes_to_angles(fixture: Fixture, rotary_stage: An
     """What was commanded is what the encoder reads, once it stands still."""
     homed(fixture, rotary_stage)
     assert rotary_stage.is_homed()
-    for angle_deg in dict.fromkeys(within(fixture, one) for one in ANGLES_DEG):
+    for angle_deg in dict.fromkeys(within(fixture, angle_deg) for angle_deg in ANGLES_DEG):
         began_s = fixture.clock.now()
         rotary_stage.move_to(angle_deg)
         assert fixture.clock.now() - began_s <= 5.0, "move_to waits for the end of the movement"

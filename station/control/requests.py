@@ -96,18 +96,18 @@ class PauseRequest:
     @property
     def withdrawn(self) -> bool:
         """Whether everybody who asked has gone."""
-        return all(one.withdrawn for one in self._wishes)
+        return all(wish.withdrawn for wish in self._wishes)
 
     def acknowledge(self, said: Mapping[str, str]) -> None:
         """Say that the run is paused, and what each device does meanwhile."""
         self._control.now_paused(said)
-        for one in self._wishes:
-            one.answer(outcome="paused", devices=dict(said))
+        for wish in self._wishes:
+            wish.answer(outcome="paused", devices=dict(said))
 
     def refuse(self, reasons: Mapping[str, str]) -> None:
         """Say why the run goes on, by the name of each device that refuses."""
-        for one in self._wishes:
-            one.answer(outcome="refused", devices=dict(reasons))
+        for wish in self._wishes:
+            wish.answer(outcome="refused", devices=dict(reasons))
 
 
 class Says(Protocol):
@@ -174,13 +174,13 @@ class Control:
         """From now on the bench is made safe: a wish comes too late."""
         with self._lock:
             self._ending = True
-            for one in self._waiting:
-                one.answer(outcome="ended", said=ENDS_FIRST)
+            for wish in self._waiting:
+                wish.answer(outcome="ended", said=ENDS_FIRST)
             self._waiting.clear()
 
     def made_safe(self, outcomes: Sequence[SafeOutcome]) -> None:
         """Let others know how the bench was left, whatever becomes of the log."""
-        self._made_safe = [one.to_data() for one in outcomes]
+        self._made_safe = [outcome.to_data() for outcome in outcomes]
 
     def between_units(self, run: PausableRun) -> None:
         """Pause before a unit of work where somebody asks for it.
@@ -195,7 +195,7 @@ class Control:
         if not self._waiting:
             return None
         with self._lock:
-            wishes = [one for one in self._waiting if not one.withdrawn]
+            wishes = [wish for wish in self._waiting if not wish.withdrawn]
             self._waiting.clear()
         return PauseRequest(self, wishes) if wishes else None
 
@@ -251,12 +251,12 @@ class Control:
                         outcome="status",
                         paused=self._paused is not None,
                         devices=dict(self._paused or {}),
-                        pause_requested=any(not one.withdrawn for one in self._waiting),
+                        pause_requested=any(not wish.withdrawn for wish in self._waiting),
                         ending=self._ending,
                         safe_state=self._made_safe,
                     )
                 case "live":
-                    pausing = any(not one.withdrawn for one in self._waiting)
+                    pausing = any(not wish.withdrawn for wish in self._waiting)
                     incoming.answer(outcome="live", pause_requested=pausing, **self.live())
                 case other:
                     incoming.answer(outcome="unknown", said=f"nobody knows how to {other!r}")
@@ -284,8 +284,8 @@ class Control:
         if self._paused is None and not self._waiting:
             incoming.answer(outcome="not-paused")
             return
-        for one in self._waiting:
-            one.answer(outcome="refused", devices={"operator": "let the run go on"})
+        for wish in self._waiting:
+            wish.answer(outcome="refused", devices={"operator": "let the run go on"})
         self._waiting.clear()
         self._goes_on = self._paused is not None
         self._wakes.set()

@@ -55,8 +55,8 @@ class RunReader:
     def read(self) -> None:
         """Read what was added to the log; may raise what `DAMAGE` names."""
         self._held = is_held(self.folder / LOCK)  # first: a run that ends meanwhile has logged that
-        for one in self._log.new_events():
-            self._events.append(one)
+        for event in self._log.new_events():
+            self._events.append(event)
 
     def live(self) -> dict[str, Any]:
         """Return what the run sets and reads just now; nothing where it does not answer."""
@@ -70,12 +70,14 @@ class RunReader:
         held = self._held
         events = self._events
         if not self._planned:
-            self._planned = next((one.details for one in events if one.kind == RUN_STARTED), {})
+            self._planned = next(
+                (event.details for event in events if event.kind == RUN_STARTED), {}
+            )
         planned = self._planned
         state = state_of(events, held)
         of_guardian = guardian_events(self.folder)
         safe = latest_safe_state(events, of_guardian)
-        done = {one.details["unit"] for one in events if one.kind == "unit-finished"}
+        done = {event.details["unit"] for event in events if event.kind == "unit-finished"}
         now_s = self._now_s(state, NOTHING_LIVE)
         left_s = self._left_s(state, now_s)
         ends = self._ends(left_s)
@@ -94,9 +96,9 @@ class RunReader:
             "left_s": None if left_s is None else round(left_s),
             "ends": None if ends is None else round(ends.timestamp() / 60.0),
             "prompt": open_prompt(events) if held else None,
-            "safe": None if safe is None else [dict(one) for one in safe],
+            "safe": None if safe is None else [dict(outcome) for outcome in safe],
             "left_out": latest_left_out(events, of_guardian),
-            "log": [{"t": one.time_s, "text": in_words(one)} for one in events[-LATEST:]],
+            "log": [{"t": event.time_s, "text": in_words(event)} for event in events[-LATEST:]],
         }
 
     def times(self, state: str, live: Mapping[str, Any] = NOTHING_LIVE) -> Times:
@@ -137,31 +139,31 @@ class RunReader:
 
 def steps_of(planned: dict[str, Any], events: Sequence[Event]) -> list[dict[str, str]]:
     """Return number, title and state of each step: `waits`, `now` or `done`."""
-    begun = [one.details["step"] for one in events if one.kind == "step-started"]
-    finished = {one.details["step"] for one in events if one.kind == "step-finished"}
+    begun = [event.details["step"] for event in events if event.kind == "step-started"]
+    finished = {event.details["step"] for event in events if event.kind == "step-finished"}
     return [
         {
-            "number": one["step"],
-            "title": one.get("title", ""),
+            "number": step["step"],
+            "title": step.get("title", ""),
             "state": "done"
-            if one["step"] in finished
+            if step["step"] in finished
             else "now"
-            if begun and begun[-1] == one["step"]
+            if begun and begun[-1] == step["step"]
             else "waits",
         }
-        for one in planned.get("steps", ())
+        for step in planned.get("steps", ())
     ]
 
 
 def open_prompt(events: Sequence[Event]) -> dict[str, Any] | None:
     """Return the prompt that waits for an answer, as the log has it, and its `number`."""
     waiting: dict[str, dict[str, Any]] = {}
-    for number, one in enumerate(since_it_went_on(events)):
-        if one.kind == "prompt-shown":
-            waiting[one.details["id"]] = {**one.details, "number": number}
-        elif one.kind == "prompt":
-            waiting.pop(one.details["id"], None)
-        elif one.kind in ("failed", "run-ended"):
+    for number, event in enumerate(since_it_went_on(events)):
+        if event.kind == "prompt-shown":
+            waiting[event.details["id"]] = {**event.details, "number": number}
+        elif event.kind == "prompt":
+            waiting.pop(event.details["id"], None)
+        elif event.kind in ("failed", "run-ended"):
             waiting.clear()
     return next(iter(waiting.values()), None)
 

@@ -74,7 +74,7 @@ def wishes() -> list[int]:
     What was to be ignored when the process began stays so: `nohup`, a shell's background.
     """
     known = [getattr(signal, name) for name in WISHES if hasattr(signal, name)]
-    return [int(one) for one in known if signal.getsignal(one) is not signal.SIG_IGN]
+    return [int(signal_) for signal_ in known if signal.getsignal(signal_) is not signal.SIG_IGN]
 
 
 class AbortSignals:

@@ -65,9 +65,9 @@ def time_left_s(
         return forecast_s
     first, *latest = finished[-max(FEWEST_UNITS, done // LATEST_PART) :]
     last = latest[-1]
-    pace = (last.at_s - first.at_s) / sum(one.expected_s for one in latest)
+    pace = (last.at_s - first.at_s) / sum(unit.expected_s for unit in latest)
     paced_s = max(units_left_s * pace - (now_s - last.at_s), 0.0)
-    done_s = sum(one.expected_s for one in finished)
+    done_s = sum(unit.expected_s for unit in finished)
     share = done_s / (done_s + units_left_s)
     return share * paced_s + (1.0 - share) * forecast_s
 
@@ -153,7 +153,7 @@ def read_status(folder: Path) -> Status:
         units_planned=len(planned["units"]) if planned.get("units") else None,
         run_time_s=round(now_s - (events[0].time_s if events else 0.0), 3),
         remaining_s=remaining_s(planned, events, now_s) if planned else None,
-        bench_safe=all(one["verified"] for one in safe) if safe else None,
+        bench_safe=all(outcome["verified"] for outcome in safe) if safe else None,
         left_out=tuple(latest_left_out(events, of_guardian)),
         message=last_message(events, of_guardian, guardian_at_work(folder)),
     )
@@ -166,7 +166,7 @@ def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
 
 def since_it_went_on(events: Sequence[Event]) -> Sequence[Event]:
     """Return the events of the run's last process."""
-    return events[max((k for k, one in enumerate(events) if one.kind == RESUMED), default=0) :]
+    return events[max((k for k, event in enumerate(events) if event.kind == RESUMED), default=0) :]
 
 
 def state_of(events: Sequence[Event], held: bool) -> State:
@@ -247,16 +247,17 @@ def guardian_in_words(of_guardian: Sequence[Event], at_work: bool) -> str:
     ended = last.kind == LEFT
     read = last.kind == SAFE_STATE or ended
     outcomes = next(
-        (one.details["outcomes"] for one in reversed(of_guardian) if one.kind == SAFE_STATE), None
+        (event.details["outcomes"] for event in reversed(of_guardian) if event.kind == SAFE_STATE),
+        None,
     )
     if not read or outcomes is None:
         if at_work:
             return "the guardian is making the bench safe"
         return "the guardian has ended without a result; switch off by hand what is on"
-    unverified = [one for one in outcomes if not one["verified"]]
+    unverified = [outcome for outcome in outcomes if not outcome["verified"]]
     states = "; ".join(
-        f"{one['instrument']} {one['read_back'].removeprefix(one['instrument'] + ': ')}"
-        for one in unverified or outcomes
+        f"{outcome['instrument']} {outcome['read_back'].removeprefix(outcome['instrument'] + ': ')}"
+        for outcome in unverified or outcomes
     )
     if unverified:
         by = ", and was ended by a person" if ended else ""
@@ -288,7 +289,11 @@ def in_words(event: Event) -> str:
                 return "all steps are done"
             return "no word of why it ended, as where its disk was full: look at the bench"
         case "safe-state":
-            left = [one["instrument"] for one in details.get("outcomes", ()) if not one["verified"]]
+            left = [
+                outcome["instrument"]
+                for outcome in details.get("outcomes", ())
+                if not outcome["verified"]
+            ]
             return f"NOT VERIFIED as safe: {', '.join(left)}" if left else "the bench is made safe"
         case "paused" | "pause-refused":
             states = details.get("devices") or details.get("reasons") or {}

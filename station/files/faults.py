@@ -70,7 +70,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     if len(word) > LONGEST:
         return None
     words = list(known)
-    folded = {_fold(one): one for one in words}
+    folded = {_fold(word): word for word in words}
     if _fold(word) in folded:
         return folded[_fold(word)]
     close = get_close_matches(_fold(word), list(folded), n=1, cutoff=0.6)

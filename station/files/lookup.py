@@ -76,7 +76,7 @@ def available(kind: str) -> list[tuple[str, str]]:
 def _known(kind: str, suffix: str = _SUFFIX) -> dict[str, Path]:
     """Return the files by name; one in `./config` hides one of the package."""
     packaged = Path(str(files("config"))) / kind
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for folder in (packaged, Path("config", kind)):
-        found.update({path.stem: path for path in sorted(folder.glob(f"*{suffix}"))})
-    return found
+        paths.update({path.stem: path for path in sorted(folder.glob(f"*{suffix}"))})
+    return paths

@@ -45,10 +45,10 @@ _BOUNDS = {
 
 def validate_model(document: Document, model: type[ModelT], at: Loc = ()) -> ModelT:
     """Return the model of the data at a path; raise FaultList with every fault."""
-    found, faults = check_model(document, model, at)
-    if found is None:
+    validated, faults = check_model(document, model, at)
+    if validated is None:
         raise FaultList(faults)
-    return found
+    return validated
 
 
 def check_model(
@@ -72,11 +72,11 @@ def check_model(
             # A union reports each of its branches at the same place; the first says enough.
             where = (fault.where, fault.line, fault.column)
             faults.setdefault(where, fault)
-        found = list(faults.values())
+        listed = list(faults.values())
         more = len(details) - MOST_LOOKED_AT
         if more > 0:
-            found.append(document.fault(at, f"has {more} more faults"))
-        return None, found
+            listed.append(document.fault(at, f"has {more} more faults"))
+        return None, listed
 
 
 _ABSENT = object()
@@ -176,24 +176,24 @@ def _key_of_default(model: type[BaseModel], loc: Loc) -> str | None:
 
     For a default pydantic's loc ends with the attribute instead of the key.
     """
-    for found in _models_at(model, loc[:-1]):
-        if loc[-1] in found.model_fields:
-            return key_of(found, str(loc[-1]))
+    for inner in _models_at(model, loc[:-1]):
+        if loc[-1] in inner.model_fields:
+            return key_of(inner, str(loc[-1]))
     return None
 
 
 def _keys_at(model: type[BaseModel], loc: Loc) -> list[str]:
     """Return the keys that are known at a place in a model."""
-    for found in _models_at(model, loc):
-        return [key_of(found, name) for name in found.model_fields]
+    for inner in _models_at(model, loc):
+        return [key_of(inner, name) for name in inner.model_fields]
     return []
 
 
 def _unit_at(model: type[BaseModel], loc: Loc) -> Unit | None:
     """Return the unit of a field: a bound is a number in it, whatever unit was written."""
-    for found in _models_at(model, loc[:-1]):
-        for name, field in found.model_fields.items():
-            if loc[-1] in (name, key_of(found, name)):
+    for inner in _models_at(model, loc[:-1]):
+        for name, field in inner.model_fields.items():
+            if loc[-1] in (name, key_of(inner, name)):
                 return unit_in((field.annotation, *field.metadata))
     return None
 

@@ -173,11 +173,13 @@ class MakeSafe:
             return self._bystanders.read(names)
         except Exception as error:  # what the run used is safe, whatever this says
             why = f"{self._bench.name}: {error!r}"
-            others = [one for one in self._bench.instruments if one not in names]
-            return BenchReading(left_out=[LeftOut(one, "not read", why) for one in others])
+            others = [
+                instrument for instrument in self._bench.instruments if instrument not in names
+            ]
+            return BenchReading(left_out=[LeftOut(other, "not read", why) for other in others])
 
     def _say_what_is_left(self, outcomes: Mapping[str, SafeOutcome]) -> None:
-        unverified = [name for name, one in outcomes.items() if not one.verified]
+        unverified = [name for name, outcome in outcomes.items() if not outcome.verified]
         if not unverified:
             return
         self._say_who_holds(unverified)
@@ -227,15 +229,15 @@ class MakeSafe:
         outcomes: dict[str, SafeOutcome] = {}
         opened: dict[str, Any] = {}
         for name, probe in self._reopening.open(names).items():
-            if probe.ok and probe.found is not None:
-                opened[name] = probe.found.instrument
+            if probe.ok and probe.identified is not None:
+                opened[name] = probe.identified.instrument
                 continue
             outcomes[name] = SafeOutcome(name, False, probe.said, 0.0)
-            if probe.found is not None:  # another instrument stands there: not ours to touch
+            if probe.identified is not None:  # another instrument stands there: not ours to touch
                 with suppress(Exception):
-                    probe.found.instrument.close()
+                    probe.identified.instrument.close()
         made_safe = make_bench_safe(opened, self._order, self._clock)
-        outcomes |= {one.instrument: one for one in made_safe}
+        outcomes |= {outcome.instrument: outcome for outcome in made_safe}
         for name, instrument in opened.items():
             # What was opened but has no safe state cannot harm.
             outcomes.setdefault(name, SafeOutcome(name, True, "it cannot harm", 0.0))
@@ -251,7 +253,10 @@ def is_verified(outcome: SafeOutcome | None) -> bool:
 
 def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
     """Return how a bench stands, numbers aside: what changes in it is worth a word."""
-    states = (f"{name} {one.verified} {one.read_back}" for name, one in sorted(outcomes.items()))
+    states = (
+        f"{name} {outcome.verified} {outcome.read_back}"
+        for name, outcome in sorted(outcomes.items())
+    )
     return NUMBER.sub("#", "; ".join(states))
 
 
@@ -261,10 +266,12 @@ def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None)
     `others` is what was read of the instruments that the run did not use.
     """
     others = others or BenchReading()
-    unverified = [one for one in (*outcomes, *others.energised) if not one.verified]
+    unverified = [outcome for outcome in (*outcomes, *others.energised) if not outcome.verified]
     if not unverified:
-        read_back = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
-        whole = whole_bench(one.to_data() for one in others.left_out)
+        read_back = "; ".join(f"{outcome.instrument} {outcome.read_back}" for outcome in outcomes)
+        whole = whole_bench(left.to_data() for left in others.left_out)
         return f"{whole}: {read_back or 'nothing can harm'}"
-    read_back = "".join(f"\n  - {one.instrument}: {one.read_back}" for one in unverified)
+    read_back = "".join(
+        f"\n  - {outcome.instrument}: {outcome.read_back}" for outcome in unverified
+    )
     return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{read_back}"

@@ -76,11 +76,11 @@ class Reopening:
         real = RealClock()
         until_s = real.now() + OPENS_WITHIN_S
         probes = {}
-        for name, one in opening.items():
-            one.wait(until_s - real.now())
-            if one.probe is None:
-                self._hanging[name] = one
-            probes[name] = one.probe or Probe(name, False, HANGS.format(name, OPENS_WITHIN_S))
+        for name, attempt in opening.items():
+            attempt.wait(until_s - real.now())
+            if attempt.probe is None:
+                self._hanging[name] = attempt
+            probes[name] = attempt.probe or Probe(name, False, HANGS.format(name, OPENS_WITHIN_S))
         return probes
 
 
@@ -108,8 +108,8 @@ def at_port(address: str, port: int) -> str | None:
     """Return an address of the same kind at a port of this computer, None for other kinds."""
     if RESOURCE.fullmatch(address):
         return f"TCPIP::127.0.0.1::{port}::SOCKET"
-    if found := URL.fullmatch(address):
-        return f"{found['scheme']}://127.0.0.1:{port}{found['path']}"
+    if match := URL.fullmatch(address):
+        return f"{match['scheme']}://127.0.0.1:{port}{match['path']}"
     return None
 
 

@@ -76,10 +76,10 @@ def end_all(processes: Sequence[OtherProcess], within_s: float) -> bool:
     """
     clock = RealClock()
     until_s = clock.now() + within_s
-    for one in processes:
-        if not one.has_ended():
-            one.kill()
-    while not all(one.has_ended() for one in processes):
+    for process in processes:
+        if not process.has_ended():
+            process.kill()
+    while not all(process.has_ended() for process in processes):
         if clock.now() >= until_s:
             return False
         clock.sleep(LOOKS_EVERY_S)

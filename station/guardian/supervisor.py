@@ -128,7 +128,7 @@ class Guardian:
     @property
     def pids(self) -> list[int]:
         """The processes that are there, the first guardian's first."""
-        return [one.pid for one in self._partners.values() if one is not None]
+        return [partner.pid for partner in self._partners.values() if partner is not None]
 
     def wait_ready(self) -> None:
         """Wait until the guardians have their drivers and can act; raises GuardianFailed."""
@@ -150,7 +150,7 @@ class Guardian:
             self._watched += [name for name in instruments if name not in self._watched]
             if locks is not None:
                 self._locks = list(locks.to_hand_on())
-            reached.extend(one for one in self._there() if self._brief(one))
+            reached.extend(partner for partner in self._there() if self._brief(partner))
 
         if not self._in_thread(begin) or not reached:
             raise GuardianFailed("the guardian of the run has ended; run again")
@@ -173,8 +173,8 @@ class Guardian:
         pids: list[int] = []
 
         def begin() -> None:
-            there = [one for one in self._there() if one.ready]
-            pids.extend(one.pid for one in there)
+            there = [partner for partner in self._there() if partner.ready]
+            pids.extend(partner.pid for partner in there)
             self._end(message_of(HAND_OVER, why=why))
 
         if self._ended or not self._in_thread(begin) or not pids:
@@ -202,8 +202,8 @@ class Guardian:
         while not self._ended:
             self._wait()
             if looks.due():
-                for one in self._there():
-                    one.look()
+                for partner in self._there():
+                    partner.look()
             if self._real.now() - beat_s >= BEATS_EVERY_S:
                 beat_s = self._real.now()
                 self._beat()
@@ -217,34 +217,34 @@ class Guardian:
             end.close()
 
     def _wait(self) -> None:
-        ends = [one.channel.end for one in self._there() if not one.channel.ended]
+        ends = [partner.channel.end for partner in self._there() if not partner.channel.ended]
         with suppress(OSError):
             if self._woken in wait_for_any([self._woken, *ends], LOOKS_EVERY_S):
                 self._woken.recv(1)
 
     def _beat(self) -> None:
         if self._may_beat():
-            for one in self._there():
-                if one.ready:
-                    one.channel.send_line(A_BEAT)
+            for partner in self._there():
+                if partner.ready:
+                    partner.channel.send_line(A_BEAT)
 
     def _look_after(self, rank: int) -> None:
         """Take what a guardian says, and replace it where it is lost."""
-        one = self._partners[rank]
-        if one is None:
+        partner = self._partners[rank]
+        if partner is None:
             self._start_again(rank)
             return
-        if one.listen():
+        if partner.listen():
             self._link()
-            self._brief(one)
+            self._brief(partner)
             if rank in self._lost_s:
                 after_s = round(self._real.now() - self._lost_s.pop(rank), 3)
                 self._note(
-                    "guardian-replaced", guardian=name_of(rank), pid=one.pid, after_s=after_s
+                    "guardian-replaced", guardian=name_of(rank), pid=partner.pid, after_s=after_s
                 )
             if all(there is not None and there.ready for there in self._partners.values()):
                 self._known.set()
-        if (why := one.lost()) is None:
+        if (why := partner.lost()) is None:
             return
         if not self._known.is_set():
             self._failed = why
@@ -252,11 +252,11 @@ class Guardian:
             self._ended = True
             self._known.set()
             return
-        one.end()
+        partner.end()
         self._partners[rank] = None
         if rank not in self._lost_s:
             self._lost_s[rank] = self._real.now()
-            self._note("guardian-lost", guardian=name_of(rank), pid=one.pid, message=why)
+            self._note("guardian-lost", guardian=name_of(rank), pid=partner.pid, message=why)
             self._say(REPLACED.format(name_of(rank), why))
             self._starts_s[rank] = self._real.now()
         else:
@@ -276,53 +276,53 @@ class Guardian:
         self._starts_s[rank] = now_s + STARTS_AGAIN_EVERY_S
         if now_s - self._says_s.get(rank, -SAYS_EVERY_S) >= SAYS_EVERY_S:
             self._says_s[rank] = now_s
-            others = any(one.ready for one in self._there())
+            others = any(partner.ready for partner in self._there())
             what = LEFT[rank] if others else NOBODY
             self._say(LOST.format(name_of(rank), "is gone", why, what))
 
     def _link(self) -> None:
         """Make the two known to each other, over a line that this process keeps no end of."""
-        both = [one for one in self._there() if one.ready]
+        both = [partner for partner in self._there() if partner.ready]
         if len(both) < len(RANKS) or not hasattr(socket, "send_fds"):
             return
         ends = socket.socketpair()
-        for one, other, end in zip(both, reversed(both), ends, strict=True):
-            one.channel.send(message_of(PEER, pid=other.pid), [end.fileno()])
+        for partner, other, end in zip(both, reversed(both), ends, strict=True):
+            partner.channel.send(message_of(PEER, pid=other.pid), [end.fileno()])
         for end in ends:
             end.close()
 
-    def _brief(self, one: Partner) -> bool:
+    def _brief(self, partner: Partner) -> bool:
         """Say to a guardian what it watches and which locks it holds; whether it takes that."""
-        if not one.ready or not self._watched:
+        if not partner.ready or not self._watched:
             return False
         if hasattr(socket, "send_fds"):
             for names, files in self._locks:
-                one.channel.send(message_of(LOCKS, names=names), files)
-        return one.channel.send(message_of(WATCH, instruments=self._watched))
+                partner.channel.send(message_of(LOCKS, names=names), files)
+        return partner.channel.send(message_of(WATCH, instruments=self._watched))
 
     def _there(self) -> list[Partner]:
-        return [one for one in self._partners.values() if one is not None]
+        return [partner for partner in self._partners.values() if partner is not None]
 
     def _tell_all(self, message: Mapping[str, Any]) -> None:
-        for one in self._there():
-            if one.ready:
-                one.channel.send(message)
+        for partner in self._there():
+            if partner.ready:
+                partner.channel.send(message)
 
     def _end(self, last: Mapping[str, Any]) -> None:
         """Say the last thing; what is not ready then has nothing to do."""
         self._tell_all(last)
         self._ended = True
         if last["say"] == HAND_OVER:
-            for one in self._there():
-                one.channel.close()
+            for partner in self._there():
+                partner.channel.close()
         else:
             self._end_partners(ENDS_WITHIN_S)
 
     def _end_partners(self, within_s: float) -> None:
         until_s = RealClock().now() + within_s
         clock = RealClock()
-        for one in self._there():
-            one.end(max(until_s - clock.now(), 0.0) if one.ready else 0.0)
+        for partner in self._there():
+            partner.end(max(until_s - clock.now(), 0.0) if partner.ready else 0.0)
 
 
 def name_of(rank: int) -> str:

@@ -175,7 +175,7 @@ class Watching:
     def _wait(self) -> None:
         """Wait until somebody says something, not longer than until the next look."""
         channels = [self._run, self._peer.channel]
-        ends = [one.end for one in channels if one is not None and not one.ended]
+        ends = [channel.end for channel in channels if channel is not None and not channel.ended]
         wait_for_any(ends, LOOKS_EVERY_S)
 
     def _why(self) -> str | None:

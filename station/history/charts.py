@@ -66,15 +66,15 @@ def chart_of(values: Sequence[float]) -> Chart | None:
 def broken_rule(deviations: Sequence[float], sigma: float) -> str:
     """Return which rule the newest of the deviations from the centre breaks; "" where none."""
     for side, where in ((1.0, "above"), (-1.0, "below")):
-        out = [side * one for one in deviations]
+        out = [side * deviation for deviation in deviations]
         if out[-1] > 3.0 * sigma:
             return f"more than 3 sigma {where} the centre"
         for beyond, of, zone in ((2, 3, 2.0), (4, 5, 1.0)):
             latest = out[-of:]
-            far = [one > zone * sigma for one in latest]
+            far = [deviation > zone * sigma for deviation in latest]
             if len(latest) == of and far[-1] and sum(far) >= beyond:
                 return f"{beyond} of {of} in a row more than {zone:g} sigma {where} the centre"
-        if len(out) >= FEWEST and all(one > 0 for one in out[-FEWEST:]):
+        if len(out) >= FEWEST and all(deviation > 0 for deviation in out[-FEWEST:]):
             return f"{FEWEST} in a row {where} the centre"
     return ""
 

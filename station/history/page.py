@@ -40,7 +40,9 @@ BINS_AT_MOST = 20
 def page_of(series: Sequence[Series], about: str) -> str:
     """Return the page of some rows of results; `about` says what was asked for."""
     with mpl.rc_context(STYLE):
-        return render_parts("Results over time", about, [p for one in series for p in _parts(one)])
+        return render_parts(
+            "Results over time", about, [p for series in series for p in _parts(series)]
+        )
 
 
 def _parts(series: Series) -> Iterator[Part]:
@@ -49,15 +51,15 @@ def _parts(series: Series) -> Iterator[Part]:
         return
     title = f"{series.procedure}: {series.title}"
     yield Plot(title, _caption(series), _over_time(series))
-    standards = [one for one in series.entries if one.check_standard]
-    for serial in dict.fromkeys(one.serial for one in standards):
+    standards = [entry for entry in series.entries if entry.check_standard]
+    for serial in dict.fromkeys(standard.serial for standard in standards):
         own = Series(
             series.procedure,
             series.name,
             series.axis,
             series.unit,
             series.simulated,
-            [one for one in standards if one.serial == serial],
+            [standard for standard in standards if standard.serial == serial],
         )
         chart = own.chart()
         if chart is not None:
@@ -73,13 +75,15 @@ def _parts(series: Series) -> Iterator[Part]:
 def _over_time(series: Series) -> Figure:
     figure = new_figure(2.8)
     axes = figure.subplots()
-    serials = list(dict.fromkeys(one.serial for one in series.entries))
+    serials = list(dict.fromkeys(entry.serial for entry in series.entries))
     for number, serial in enumerate(serials):
-        mine = [one for one in series.entries if one.serial == serial and one.value is not None]
+        mine = [
+            entry for entry in series.entries if entry.serial == serial and entry.value is not None
+        ]
         axes.errorbar(
-            [_day(one) for one in mine],
-            [one.value or 0.0 for one in mine],
-            [one.expanded_uncertainty or 0.0 for one in mine],
+            [_day(entry) for entry in mine],
+            [entry.value or 0.0 for entry in mine],
+            [entry.expanded_uncertainty or 0.0 for entry in mine],
             fmt="o-",
             markersize=4,
             linewidth=0.8,
@@ -125,7 +129,7 @@ def _units(series: Series, units: Sequence[Entry]) -> Figure:
     figure = new_figure(2.6)
     axes = figure.subplots()
     bins = min(BINS_AT_MOST, math.ceil(math.sqrt(len(units))) + 1)
-    axes.hist([one.value for one in units if one.value is not None], bins=bins, color=BLUE)
+    axes.hist([unit.value for unit in units if unit.value is not None], bins=bins, color=BLUE)
     last = series.entries[-1]
     for bound in (last.limit_min, last.limit_max):
         if bound is not None:
@@ -136,7 +140,7 @@ def _units(series: Series, units: Sequence[Entry]) -> Figure:
 
 
 def _caption(series: Series) -> str:
-    runs, units = len(series.entries), len({one.serial for one in series.entries})
+    runs, units = len(series.entries), len({entry.serial for entry in series.entries})
     return (
         f"{runs} runs of {units} units; bars are the expanded uncertainty U, dashed lines the "
         "limits of the newest run."
@@ -161,19 +165,19 @@ def _units_caption(series: Series, units: Sequence[Entry]) -> str:
 
 def _table(series: Series) -> Table:
     rows = []
-    for one in reversed(series.entries):
-        value, uncertainty = format_with_uncertainty(one.value, one.expanded_uncertainty)
+    for entry in reversed(series.entries):
+        value, uncertainty = format_with_uncertainty(entry.value, entry.expanded_uncertainty)
         limit = None
-        if one.limit_min is not None or one.limit_max is not None:
-            limit = Limit(one.limit_min, one.limit_max)
-        row = (one.started_utc[:16].replace("T", " "), one.serial, value, uncertainty)
-        rows.append((*row, format_limit(limit), one.verdict, one.run))
+        if entry.limit_min is not None or entry.limit_max is not None:
+            limit = Limit(entry.limit_min, entry.limit_max)
+        row = (entry.started_utc[:16].replace("T", " "), entry.serial, value, uncertainty)
+        rows.append((*row, format_limit(limit), entry.verdict, entry.run))
     columns = ("UTC", "Unit", f"Value, {series.unit}", "U", "Limit", "Verdict", "Run")
     return first_rows("", "The newest first.", columns, rows)
 
 
-def _day(one: Entry) -> float:
-    return float(date2num(datetime.fromisoformat(one.started_utc)))
+def _day(entry: Entry) -> float:
+    return float(date2num(datetime.fromisoformat(entry.started_utc)))
 
 
 def _date_axis(axes: Axes) -> None:

@@ -29,7 +29,7 @@ class Series:
     @property
     def values(self) -> list[float]:
         """The values that were determined."""
-        return [one.value for one in self.entries if one.value is not None]
+        return [entry.value for entry in self.entries if entry.value is not None]
 
     def chart(self) -> Chart | None:
         """Return the control chart of these values."""
@@ -37,8 +37,8 @@ class Series:
 
     def newest_of_each_unit(self) -> list[Entry]:
         """Return the last determined result of each serial number; standards are no units."""
-        units = (one for one in self.entries if not one.check_standard)
-        newest = {one.serial: one for one in units if one.value is not None}
+        units = (entry for entry in self.entries if not entry.check_standard)
+        newest = {unit.serial: unit for unit in units if unit.value is not None}
         return list(newest.values())
 
     def capability(self) -> float | None:
@@ -47,7 +47,7 @@ class Series:
         if not newest:
             return None
         last = newest[-1]
-        values = [one.value for one in newest if one.value is not None]
+        values = [entry.value for entry in newest if entry.value is not None]
         return capability(values, last.limit_min, last.limit_max)
 
 
@@ -57,9 +57,9 @@ def series_of(entries: Iterable[Entry]) -> list[Series]:
     Simulated runs are rows of their own: they say nothing of a real unit.
     """
     groups = dict[tuple[str, str, str | None, str, bool], list[Entry]]()
-    for one in entries:
-        key = (one.procedure, one.name, one.axis, one.unit, one.simulated)
-        groups.setdefault(key, []).append(one)
+    for entry in entries:
+        key = (entry.procedure, entry.name, entry.axis, entry.unit, entry.simulated)
+        groups.setdefault(key, []).append(entry)
     return [Series(*key, entries) for key, entries in groups.items()]
 
 
@@ -68,16 +68,16 @@ def drifted(entries: Iterable[Entry]) -> list[str]:
 
     Each standard has a chart of its own: two of them differ by more than either wanders.
     """
-    found = []
+    sentences = []
     by_unit = dict[str, list[Entry]]()
-    for one in entries:
-        by_unit.setdefault(one.serial, []).append(one)
+    for entry in entries:
+        by_unit.setdefault(entry.serial, []).append(entry)
     for serial, mine in by_unit.items():
         for series in series_of(mine):
             chart = series.chart()
             if chart is not None and chart.out_of_control:
-                found.append(
+                sentences.append(
                     f"check standard {serial}: {series.title} of {mine[-1].started_utc[:10]} is "
                     f"{chart.alarms[chart.newest]}"
                 )
-    return found
+    return sentences

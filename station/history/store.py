@@ -89,7 +89,7 @@ class History:
         with self._begun() as connection:
             ended = select(RUNS.c.run).where(RUNS.c.verdict.is_not(None))
             known = set(connection.execute(ended).scalars())
-        return self._add(one for one in runs_below(self._parent) if one.name not in known)
+        return self._add(run for run in runs_below(self._parent) if run.name not in known)
 
     def rebuild(self) -> tuple[int, list[str]]:
         """Forget all, and take in every run folder; return how many, and what was left out."""
@@ -101,8 +101,8 @@ class History:
     def results(self, wanted: Wanted = Wanted()) -> list[Entry]:
         """Return the results that are asked for, oldest first."""
         with self._begun() as connection:
-            found = connection.execute(_query(wanted)).mappings()
-            return [Entry(**row) for row in found]
+            rows = connection.execute(_query(wanted)).mappings()
+            return [Entry(**row) for row in rows]
 
     def head_of(self, run: str) -> str | None:
         """Return the head that a run had when it was taken in; None for one that is not known."""
@@ -126,8 +126,8 @@ class History:
     def _write(self, summaries: Iterable[RunSummary]) -> int:
         count = 0
         with self._begun() as connection:
-            for one in summaries:
-                _replace(connection, one)
+            for summary in summaries:
+                _replace(connection, summary)
                 count += 1
         return count
 

@@ -17,8 +17,8 @@ def bring_up_to_date(engine: Engine) -> None:
     """
     with engine.begin() as connection:
         if inspect(connection).has_table("alembic_version"):
-            found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar()
-            if found is not None and found >= NEWEST:
+            version = connection.execute(text("SELECT version_num FROM alembic_version")).scalar()
+            if version is not None and version >= NEWEST:
                 return
         from alembic import command
         from alembic.config import Config

@@ -81,7 +81,7 @@ def why_unknown(address: str) -> tuple[str, str | None] | None:
         return None if SERIAL_PORT.fullmatch(text) else (what, None)
     if re.fullmatch(r"TCPIP\d*", kind, re.IGNORECASE):
         return _why_no_tcpip(text, what)
-    if whole := next((one for one in VISA_NAMES if kind.upper().startswith(one)), None):
+    if whole := next((name for name in VISA_NAMES if kind.upper().startswith(name)), None):
         return _why_no_visa_name(text, *VISA_NAMES[whole])
     if any(re.match(rf"{known}(\d*$|(?<=ASRL))", kind, re.IGNORECASE) for known in VISA_KINDS):
         return None
@@ -159,16 +159,18 @@ def forms_of(address: str) -> frozenset[str]:
     """
     text = address.strip()
     lowered = text.lower()
-    if found := SOCKET.fullmatch(lowered):
-        return tcp_forms(found[1], int(found[2]))
-    if found := VXI.fullmatch(lowered):
-        device = found[2] or "inst0"
-        return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(found[1]))
-    if found := GPIB.fullmatch(lowered):
-        return frozenset({f"gpib{found[1] or 0}::{found[2]}"})
-    if found := USB.fullmatch(lowered):
-        maker, model = (int(one, 0) if one[0].isdigit() else one for one in (found[2], found[3]))
-        return frozenset({f"usb::{maker}::{model}::{found[4]}::{found[5] or 0}"})
+    if match := SOCKET.fullmatch(lowered):
+        return tcp_forms(match[1], int(match[2]))
+    if match := VXI.fullmatch(lowered):
+        device = match[2] or "inst0"
+        return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(match[1]))
+    if match := GPIB.fullmatch(lowered):
+        return frozenset({f"gpib{match[1] or 0}::{match[2]}"})
+    if match := USB.fullmatch(lowered):
+        maker, model = (
+            int(part, 0) if part[0].isdigit() else part for part in (match[2], match[3])
+        )
+        return frozenset({f"usb::{maker}::{model}::{match[4]}::{match[5] or 0}"})
     if "://" in text:
         return url_forms(text)
     name = text[4:].split("::")[0] if lowered.startswith("asrl") else text
@@ -184,13 +186,13 @@ def url_forms(address: str) -> frozenset[str]:
         port = parts.port or DEFAULT_PORTS.get(parts.scheme.lower())
         if parts.hostname and port:
             path = parts.path.rstrip("/").lower() if parts.scheme.lower() == "socketcand" else ""
-            return frozenset(f"{one}{path}" for one in tcp_forms(parts.hostname, port))
+            return frozenset(f"{form}{path}" for form in tcp_forms(parts.hostname, port))
     return frozenset({address.lower()})
 
 
 def tcp_forms(host: str, port: int) -> frozenset[str]:
     """Return what a TCP port of a host stands for."""
-    return frozenset(f"tcp {one} {port}" for one in hosts(host))
+    return frozenset(f"tcp {form} {port}" for form in hosts(host))
 
 
 def port_form(name: str) -> str:
@@ -209,24 +211,24 @@ def hosts(name: str) -> frozenset[str]:
 
     def ask() -> None:
         with suppress(OSError, UnicodeError):
-            resolved.extend(str(one[4][0]) for one in socket.getaddrinfo(bare, None))
+            resolved.extend(str(entry[4][0]) for entry in socket.getaddrinfo(bare, None))
 
     # Nothing but the system limits how long it takes, and it may be long.
     asking = Thread(target=ask, name="resolve", daemon=True)
     asking.start()
     asking.join(RESOLVES_WITHIN_S)
-    return frozenset(host_form(one) for one in [*resolved]) or frozenset({bare})
+    return frozenset(host_form(numeric) for numeric in [*resolved]) or frozenset({bare})
 
 
 def host_form(numeric: str) -> str:
     """Return one form of a numeric address; raises ValueError where it is none."""
-    found = ip_address(numeric.split("%")[0])
-    if isinstance(found, IPv6Address) and found.ipv4_mapped:
-        found = found.ipv4_mapped
-    if found.is_loopback or found.is_unspecified:
+    address = ip_address(numeric.split("%")[0])
+    if isinstance(address, IPv6Address) and address.ipv4_mapped:
+        address = address.ipv4_mapped
+    if address.is_loopback or address.is_unspecified:
         return THIS_COMPUTER
-    family = socket.AF_INET6 if isinstance(found, IPv6Address) else socket.AF_INET
+    family = socket.AF_INET6 if isinstance(address, IPv6Address) else socket.AF_INET
     with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as trying:
-        trying.bind((str(found), 0))  # the system lets only what is its own be taken
+        trying.bind((str(address), 0))  # the system lets only what is its own be taken
         return THIS_COMPUTER
-    return str(found)
+    return str(address)

@@ -43,14 +43,14 @@ def visa_resources(
     address counts. A library that fails or does not return in time is a line of its own.
     """
     lines, why = asked_alone(program, library, within_s)
-    found = list({one[0]: (one[0], one[1], one[2]) for one in lines}.values())
+    listed = list({line[0]: (line[0], line[1], line[2]) for line in lines}.values())
     if why:
-        found.append((library, f"this VISA library lists no more ({why})", False))
-    return found
+        listed.append((library, f"this VISA library lists no more ({why})", False))
+    return listed
 
 
 def serial_ports(*, program: str = LIST_PORTS, within_s: float = PORTS_WITHIN_S) -> list[Listed]:
     """Return the serial ports of this computer with what their adapters say of themselves."""
     lines, why = asked_alone(program, "", within_s)
-    found = [(one[0], one[1], one[2]) for one in lines]
-    return [*found, ("ASRL", f"the serial ports are not listed ({why})", False)] if why else found
+    listed = [(line[0], line[1], line[2]) for line in lines]
+    return [*listed, ("ASRL", f"the serial ports are not listed ({why})", False)] if why else listed

@@ -179,9 +179,9 @@ class Bench(FromDocument):
         record = self.record(name)
         if record is None:
             return []
-        found = [("uncertainty", one.quantity) for one in record.uncertainty]
-        found += [("correction", one.quantity) for one in record.corrections]
-        return list(dict.fromkeys(found))
+        quantities = [("uncertainty", entry.quantity) for entry in record.uncertainty]
+        quantities += [("correction", entry.quantity) for entry in record.corrections]
+        return list(dict.fromkeys(quantities))
 
     def corrected(self, name: str, quantity: str, value: Number, unit: str) -> Number:
         """Return readings of an instrument as its record corrects them: numbers or an array."""
@@ -213,11 +213,11 @@ class Bench(FromDocument):
         `stated` is instrument, quantity, value and unit, as for `stated()`. The input is the
         stated uncertainty, over the value where it is `relative`, times `factor`, in `unit`.
         """
-        if found := self.stated(*stated):
+        if statement := self.stated(*stated):
             _, _, value, own_unit = stated
-            u = found[0] / value if relative else factor * found[0]
+            u = statement[0] / value if relative else factor * statement[0]
             given = "1" if relative else unit or own_unit
-            yield InputQuantity(name, about, u, given, found[1])
+            yield InputQuantity(name, about, u, given, statement[1])
 
     def safe_order(self) -> list[tuple[str, float]]:
         """Return the steps of the safe state: an instance or a role, and the seconds it has."""

@@ -31,13 +31,13 @@ def can_interfaces(
 
     def lines(interface: str) -> list[tuple[str, str]]:
         address = f"can://{interface}/"
-        found, why = asked_alone(detect, interface, within_s)
-        if why or not found:
+        listed, why = asked_alone(detect, interface, within_s)
+        if why or not listed:
             return [
                 (f"{address}CHANNEL", f"the detection of {interface} fails ({why or 'silent'})")
             ]
-        return [(f"{address}{one}", f"CAN interface {interface}") for one in found[-1]]
+        return [(f"{address}{number}", f"CAN interface {interface}") for number in listed[-1]]
 
     asked = list(interfaces)
     with ThreadPoolExecutor(len(asked)) as pool:
-        return [line for found in pool.map(lines, asked) for line in found]
+        return [line for listed in pool.map(lines, asked) for line in listed]

@@ -39,7 +39,7 @@ class Commissioned(StrictModel):
 
     def figure(self, name: str, axis: str | None) -> CommissionedFigure | None:
         """Return a figure, None where the commissioning did not measure it."""
-        for one in self.figures:
-            if (one.name, one.axis) == (name, axis):
-                return one
+        for figure in self.figures:
+            if (figure.name, figure.axis) == (name, axis):
+                return figure
         return None

@@ -81,7 +81,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Found:
+class Identified:
     """An opened instrument and who it said it is."""
 
     instrument: Opened
@@ -95,13 +95,13 @@ class Probe:
     name: str
     ok: bool
     said: str
-    found: Found | None = None
+    identified: Identified | None = None
     in_use_by: str | None = None
     """What another process that has it says of itself."""
 
     def to_data(self) -> dict[str, Any]:
         """Return the probe as plain data."""
-        identity = vars(self.found.identity) if self.found else None
+        identity = vars(self.identified.identity) if self.identified else None
         return {"instrument": self.name, "ok": self.ok, "said": self.said, "identity": identity}
 
 
@@ -125,7 +125,7 @@ def open_one(
     if name not in bench.instruments:
         return Probe(name, False, f"{name}: the bench {bench.name!r} has no such instrument")
     entry = bench.instruments[name]
-    silent = [one for one in entry.shares if one not in opened]
+    silent = [share for share in entry.shares if share not in opened]
     if silent:
         what = f"it is reached over {' and '.join(silent)}, which could not be opened"
         return Probe(name, False, f"{name}: {what}")
@@ -141,7 +141,7 @@ def open_one(
         asker,
         tracer,
         publisher,
-        {one: opened[one] for one in entry.shares},
+        {share: opened[share] for share in entry.shares},
         readings.noter(name) if readings else None,
     )
     try:
@@ -155,14 +155,14 @@ def open_one(
     except InstrumentError as error:
         instrument.close()
         return Probe(name, False, str(error))
-    found = Found(instrument, identity)
+    identified = Identified(instrument, identity)
     if entry.serial and identity.serial != entry.serial:
         return Probe(
             name,
             False,
             f"{name}: serial number {identity.serial} answers at {address}, the bench file says "
             f"{entry.serial}; connect the right instrument or correct the bench file",
-            found,
+            identified,
         )
     if locks is not None:
         try:
@@ -171,7 +171,7 @@ def open_one(
             instrument.close()
             return Probe(name, False, str(error), in_use_by=getattr(error, "who", None))
     said = f"{identity.maker} {identity.model} {identity.serial} {identity.firmware}".strip()
-    return Probe(name, True, said, found)
+    return Probe(name, True, said, identified)
 
 
 def take_lock(locks: InstrumentLocks, name: str, address: str) -> None:
@@ -196,7 +196,7 @@ def with_shared(bench: Bench, wanted: Iterable[str]) -> list[str]:
     """
     entries = bench.instruments
     needed = set(wanted)
-    needed |= {one for name in needed if name in entries for one in entries[name].shares}
+    needed |= {share for name in needed if name in entries for share in entries[name].shares}
     ordered = [name for name in entries if name in needed]
     ordered.sort(key=lambda name: bool(entries[name].shares))
     return ordered + sorted(needed - set(entries))
@@ -209,10 +209,10 @@ def open_in_order(
     opened: dict[str, Opened] = {}
     probes = []
     for name in names:
-        one = open_it(name, opened)
-        probes.append(one)
-        if one.ok and one.found is not None:
-            opened[name] = one.found.instrument
+        answer = open_it(name, opened)
+        probes.append(answer)
+        if answer.ok and answer.identified is not None:
+            opened[name] = answer.identified.instrument
     return probes
 
 
@@ -226,11 +226,11 @@ def probe(
     """Ask one instance of a bench who it is, and close it again."""
     probes = open_in_order(
         with_shared(bench, [name]),
-        lambda one, opened: open_one(one, bench, addresses, clock, locks=locks, opened=opened),
+        lambda part, opened: open_one(part, bench, addresses, clock, locks=locks, opened=opened),
     )
-    for one in reversed(probes):
-        if one.found is not None:
-            one.found.instrument.close()
+    for answer in reversed(probes):
+        if answer.identified is not None:
+            answer.identified.instrument.close()
     return probes[-1]
 
 
@@ -243,7 +243,7 @@ def open_instruments(
     trace: Trace | None = None,
     readings: Readings | None = None,
     locks: InstrumentLocks | None = None,
-) -> dict[str, Found]:
+) -> dict[str, Identified]:
     """Open and identify the `wanted` instances of a bench, and those whose lines they share.
 
     Raises InstrumentsMissing that lists every one that is absent or has another serial number;
@@ -256,21 +256,27 @@ def open_instruments(
         ),
     )
     probes = explained(bench, probes)
-    found = {one.name: one.found for one in probes if one.found is not None}
-    wrong = [one for one in probes if not one.ok]
+    identified = {probe.name: probe.identified for probe in probes if probe.identified is not None}
+    wrong = [probe for probe in probes if not probe.ok]
     if wrong:
-        for one in reversed(found.values()):
-            one.instrument.close()
+        for answer in reversed(identified.values()):
+            answer.instrument.close()
         raise InstrumentsMissing(problems_of(wrong), len(wrong))
-    return found
+    return identified
 
 
 def explained(bench: Bench, probes: Sequence[Probe]) -> list[Probe]:
     """Return the probes; what answers with another entry's serial number names that entry."""
     serials = {name: entry.serial for name, entry in bench.instruments.items() if entry.serial}
     owners = {serial: name for name, serial in serials.items()}
-    answered = {one.name: one.found.identity.serial for one in probes if one.found is not None}
-    return [replace(one, said=one.said + hint(one, owners, serials, answered)) for one in probes]
+    answered = {
+        probe.name: probe.identified.identity.serial
+        for probe in probes
+        if probe.identified is not None
+    }
+    return [
+        replace(probe, said=probe.said + hint(probe, owners, serials, answered)) for probe in probes
+    ]
 
 
 def hint(
@@ -290,19 +296,19 @@ def hint(
 
 def put_settings_back(instruments: Iterable[object]) -> None:
     """Leave what instruments keep as it was met; drivers note what stays. Never raises."""
-    for one in instruments:
-        if isinstance(one, Driver):
-            one.kept.put_back()
+    for instrument in instruments:
+        if isinstance(instrument, Driver):
+            instrument.kept.put_back()
 
 
 def problems_of(wrong: Iterable[Probe]) -> list[str]:
     """Return what is wrong with instruments; who has several of them is named once."""
     together: dict[str, list[Probe]] = {}
-    for one in wrong:
-        together.setdefault(one.in_use_by or one.name, []).append(one)
+    for answer in wrong:
+        together.setdefault(answer.in_use_by or answer.name, []).append(answer)
     return [
-        f"{', '.join(one.name for one in probes)}: another process has them ({who}); wait until "
-        "that has ended, or end it with `station abort RUN`"
+        f"{', '.join(probe.name for probe in probes)}: another process has them ({who}); wait "
+        "until that has ended, or end it with `station abort RUN`"
         if len(probes) > 1
         else probes[0].said
         for who, probes in together.items()

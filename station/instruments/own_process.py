@@ -34,10 +34,10 @@ def asked_alone(program: str, argument: str, within_s: float) -> tuple[list[Any]
 
 def values_of(printed: bytes) -> list[Any]:
     """Return the JSON values of what was printed; a line that is none is left out."""
-    found = []
+    values = []
     for line in printed.decode("utf-8", "replace").splitlines():
         try:
-            found.append(json.loads(line))
+            values.append(json.loads(line))
         except ValueError:
             continue
-    return found
+    return values

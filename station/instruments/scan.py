@@ -69,8 +69,8 @@ def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -
     places = [(host, port) for host in hosts for port in PORTS]
     with ThreadPoolExecutor(max(len(places), 1)) as pool:
         answers = pool.map(lambda place: ask_port(*place), places)
-        found = [one for one in answers if one is not None]
-    return [*visa(library), *ports(), *can_buses(), *found]
+        answered = [answer for answer in answers if answer is not None]
+    return [*visa(library), *ports(), *can_buses(), *answered]
 
 
 def ask_port(host: str, port: int) -> Seen | None:
@@ -176,7 +176,7 @@ def visa(library: str) -> list[Seen]:
 
 def ports() -> list[Seen]:
     """List the serial ports of this computer with what their adapters say of themselves."""
-    return [Seen(*one) for one in serial_ports()]
+    return [Seen(*serial_port) for serial_port in serial_ports()]
 
 
 def can_buses() -> list[Seen]:
@@ -208,28 +208,30 @@ def draft(seen: Iterable[Seen]) -> str:
     """Return the text of a bench file; whatever no driver recognises stands in comments."""
     free = list(instances())
     entries, rest, safe = [], [], []
-    for one in seen:
-        if one.driver is None:
-            rest.append(f"#   {one.address}: {one.said}\n")
+    for answer in seen:
+        if answer.driver is None:
+            rest.append(f"#   {answer.address}: {answer.said}\n")
             continue
-        alike = drivers_alike(one.driver)
+        alike = drivers_alike(answer.driver)
         places = ((name, place) for name in alike for place in free_places(name, free))
-        name, instance = next(places, (one.driver, None))
+        name, instance = next(places, (answer.driver, None))
         if instance is None:
-            what = f"{one.said} ({one.driver}); every place for it is taken"
-            rest.append(f"#   {one.address}: {what}\n")
+            what = f"{answer.said} ({answer.driver}); every place for it is taken"
+            rest.append(f"#   {answer.address}: {what}\n")
             continue
         free.remove(instance)
         driver = registry.load(registry.DRIVERS, name)
         others = [other for other in alike if other != name]
-        entries.append("".join(entry_lines(instance, replace(one, driver=name), driver, others)))
+        entries.append("".join(entry_lines(instance, replace(answer, driver=name), driver, others)))
         if issubclass(driver, MadeSafe) and role_of(instance) not in safe:
             safe.append(role_of(instance))
     text = HEAD
     text += "\ninstruments:\n" + "\n".join(entries) if entries else "\ninstruments: {}\n"
     if rest:
         text += "\n# Also there, without a driver or a place:\n" + "".join(rest)
-    coils = [one for one in instances() if role_of(one) == COIL and one not in free]
+    coils = [
+        instance for instance in instances() if role_of(instance) == COIL and instance not in free
+    ]
     if coils:
         text += f"\n# {FILL_IN}: what ends a run. Set each level just above its coil's limit of\n"
         text += f"# current; until then {DRAFT_LEVEL} ends it.\ninterlocks:\n"
@@ -255,8 +257,11 @@ def interlock_line(coil: str) -> str:
 def drivers_alike(name: str) -> list[str]:
     """Return a driver, and after it those that recognise the same model for another use."""
     loaded = registry.loaded(registry.DRIVERS)
-    patterns = {one: getattr(driver, "recognises", one) for one, driver in loaded}
-    return [name, *(one for one in patterns if one != name and patterns[one] == patterns[name])]
+    patterns = {other: getattr(driver, "recognises", other) for other, driver in loaded}
+    return [
+        name,
+        *(other for other in patterns if other != name and patterns[other] == patterns[name]),
+    ]
 
 
 def free_places(driver: str, free: Iterable[str]) -> list[str]:
@@ -283,9 +288,9 @@ def entry_lines(
         yield f"    serial: {scalar(seen.serial)}\n"
     else:
         yield f"    # {FILL_IN}: serial: NUMBER, so that no other unit is taken for this one\n"
-    models = [one for one in (role.settings, settings_of(driver)) if one is not None]
+    models = [model for model in (role.settings, settings_of(driver)) if model is not None]
     fields = {
-        key_of(one, name): field for one in models for name, field in one.model_fields.items()
+        key_of(model, name): field for model in models for name, field in model.model_fields.items()
     }
     if fields:
         needed = ", ".join(f"{key}: …" for key, field in fields.items() if field.is_required())

@@ -18,7 +18,7 @@ from station import registry
 from station.clock import Clock, RealClock
 from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse
 from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import LOOK, Found, open_one, take_lock
+from station.instruments.opening import LOOK, Identified, open_one, take_lock
 from station.roles.base import MadeSafe
 from station.roles.role import energised_states
 from station.safety.safe_state import Hurried, SafeOutcome, can_harm
@@ -58,24 +58,24 @@ class BenchReading:
     @property
     def energised(self) -> list[SafeOutcome]:
         """What the run does not use and is not at rest."""
-        return [one for one in self.outside if not one.verified]
+        return [reading for reading in self.outside if not reading.verified]
 
     def refuse_energised(self) -> None:
         """Raise BenchEnergised that names every instrument outside the plan that is energised."""
         if self.energised:
             raise BenchEnergised(
                 [
-                    f"{one.instrument}, which this plan does not use: {one.read_back}"
-                    for one in self.energised
+                    f"{reading.instrument}, which this plan does not use: {reading.read_back}"
+                    for reading in self.energised
                 ]
             )
 
     def to_data(self) -> dict[str, Any]:
         """Return the reading as plain data; whoever looks for what is unsafe reads `outcomes`."""
         return {
-            "outcomes": [one.to_data() for one in (*self.used, *self.energised)],
-            "outside": [one.to_data() for one in self.outside],
-            "left_out": [one.to_data() for one in self.left_out],
+            "outcomes": [reading.to_data() for reading in (*self.used, *self.energised)],
+            "outside": [reading.to_data() for reading in self.outside],
+            "left_out": [left.to_data() for left in self.left_out],
         }
 
 
@@ -104,9 +104,9 @@ def state_of(name: str, instrument: MadeSafe) -> tuple[bool, str]:
     if read is None or not states:
         reading = instrument.read_safety()
         return reading.safe, reading.read_back
-    found = {quantity: str(read(quantity)) for quantity in states}
-    rests = all(found[quantity] != state for quantity, state in states.items())
-    return rests, ", ".join(f"{quantity} {word}" for quantity, word in found.items())
+    words = {quantity: str(read(quantity)) for quantity in states}
+    rests = all(words[quantity] != state for quantity, state in states.items())
+    return rests, ", ".join(f"{quantity} {word}" for quantity, word in words.items())
 
 
 def bystanders_of(bench: Bench, used: Collection[str]) -> list[str]:
@@ -151,17 +151,17 @@ class Bystanders:
         """
         names = bystanders_of(self.bench, used)
         if isinstance(self.clock, RealClock):
-            found = self._at_once(names, waiting or RealClock())
+            readings = self._at_once(names, waiting or RealClock())
         else:  # one participant at a time: this one
-            found = {name: self._read_one(name) for name in names}
+            readings = {name: self._read_one(name) for name in names}
         read, left_out = [], []
         for name in names:
-            one = found.get(name)
-            if isinstance(one, SafeOutcome):
-                read.append(one)
-            elif isinstance(one, LeftOut):
-                left_out.append(one)
-            elif name not in found:
+            reading = readings.get(name)
+            if isinstance(reading, SafeOutcome):
+                read.append(reading)
+            elif isinstance(reading, LeftOut):
+                left_out.append(reading)
+            elif name not in readings:
                 said = f"{name}: it did not answer within {WITHIN_S:g} s"
                 left_out.append(LeftOut(name, SILENT, said))
         return BenchReading(outside=read, left_out=left_out)
@@ -192,18 +192,18 @@ class Bystanders:
         with suppress(RuntimeError):  # no memory for more: those that began do the work
             for reader in readers:
                 reader.start()
-        found: dict[str, Any] = {}
+        readings: dict[str, Any] = {}
         real = RealClock()
         began = any(reader.ident for reader in readers)
-        while began and len(found) < len(names) and real.now() < WITHIN_S:
+        while began and len(readings) < len(names) and real.now() < WITHIN_S:
             try:
                 with suppress(Hurried):
                     waiting.sleep(0.0)
-                name, one = answers.get(timeout=0.05)
-                found[name] = one
+                name, reading = answers.get(timeout=0.05)
+                readings[name] = reading
             except Empty:
                 continue
-        return found
+        return readings
 
     def _address(self, name: str) -> str:
         return self.addresses.get(name, self.bench.instruments[name].address or "")
@@ -232,21 +232,21 @@ class Bystanders:
             if locks is not None:
                 take_lock(locks, name, address)
             probe = open_one(name, self.bench, self.addresses, self.clock, trace=self.trace)
-            if probe.found is None:
+            if probe.identified is None:
                 return LeftOut(name, SILENT, probe.said)
             try:
-                return self._read_found(name, probe.found, probe.ok, probe.said, began_s)
+                return self._read_found(name, probe.identified, probe.ok, probe.said, began_s)
             finally:
                 with suppress(Exception):
-                    probe.found.instrument.close()
+                    probe.identified.instrument.close()
         finally:
             if locks is not None:
                 locks.release()
 
     def _read_found(
-        self, name: str, found: Found, ok: bool, said: str, began_s: float
+        self, name: str, identified: Identified, ok: bool, said: str, began_s: float
     ) -> SafeOutcome | LeftOut | None:
-        instrument = found.instrument
+        instrument = identified.instrument
         if not isinstance(instrument, MadeSafe):
             return None
         reading = instrument.read_safety()

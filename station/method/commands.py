@@ -132,14 +132,14 @@ class SteadyField(Command[None]):
     @classmethod
     def declare(cls, step: str, commands: Sequence[Self], bench: Bench) -> Iterator[SetPoint]:
         """Yield the fields that follow each other at a coil as one, with the largest's bounds."""
-        largest = max(commands, key=lambda one: abs(one.field_mT))
-        words = largest._words(bench, [one.field_mT for one in commands])
+        largest = max(commands, key=lambda command: abs(command.field_mT))
+        words = largest._words(bench, [command.field_mT for command in commands])
         bounds = largest.bounds(bench)
         yield SetPoint(step, largest.instrument, words, decided_by=largest.decided_by, **bounds)
 
     def _words(self, bench: Bench, fields_mT: Sequence[float]) -> str:
         current_A = abs(coil_current_A(bench, self.instrument, self.field_mT))
-        return f"{', '.join(f'{one:g}' for one in fields_mT)} mT, up to {current_A:.3g} A"
+        return f"{', '.join(f'{field_mT:g}' for field_mT in fields_mT)} mT, up to {current_A:.3g} A"
 
 
 @runtime_checkable

@@ -43,7 +43,7 @@ class AxisCommand(Command[Result]):
     @classmethod
     def declare(cls, step: str, commands: Sequence[Self], bench: Bench) -> Iterator[SetPoint]:
         """Yield successive commands once that have the same words and the same bounds."""
-        yield from dict.fromkeys(one.set_point(step, bench) for one in commands)
+        yield from dict.fromkeys(command.set_point(step, bench) for command in commands)
 
 
 @dataclass(frozen=True)
@@ -180,8 +180,14 @@ class TemperatureRamp(Command[None]):
     @classmethod
     def declare(cls, step: str, commands: Sequence[Self], bench: Bench) -> Iterator[SetPoint]:
         """Yield temperature and slope apart: different keys of the plan decide them."""
-        for one in commands:
-            whole, slope = one.set_point(step, bench), one.rate_decided_by or one.decided_by
-            end, rate = f"ramp to {one.temperature_degC:g} degC", f"ramp at {one.rate_degC_per_h:g}"
+        for command in commands:
+            whole, slope = (
+                command.set_point(step, bench),
+                command.rate_decided_by or command.decided_by,
+            )
+            end, rate = (
+                f"ramp to {command.temperature_degC:g} degC",
+                f"ramp at {command.rate_degC_per_h:g}",
+            )
             yield replace(whole, text=end, temperature_slew_degC_per_min=None)
             yield replace(whole, text=f"{rate} degC/h", temperature_degC=None, decided_by=slope)

@@ -127,8 +127,8 @@ class Command(ABC, Generic[Result]):
     @classmethod
     def declare(cls, step: str, commands: Sequence[Self], bench: Bench) -> Iterator[SetPoint]:
         """Yield the set-points of successive commands of an instrument; some read better as one."""
-        for one in commands:
-            yield one.set_point(step, bench)
+        for command in commands:
+            yield command.set_point(step, bench)
 
     def set_point(self, step: str, bench: Bench) -> SetPoint:
         """Return it as a set-point of a step."""

@@ -85,21 +85,21 @@ def units_of(work: Iterable[Work]) -> tuple[str, ...]:
 
 def unit_durations_s(work: Iterable[Work]) -> dict[str, float]:
     """Return the expected bench time in s of each unit of work, in their order."""
-    found: dict[str, float] = {}
-    for one in work:
-        if one.unit is not None:
-            found[one.unit] = found.get(one.unit, 0.0) + one.duration_s
-    return found
+    durations_s: dict[str, float] = {}
+    for part in work:
+        if part.unit is not None:
+            durations_s[part.unit] = durations_s.get(part.unit, 0.0) + part.duration_s
+    return durations_s
 
 
 def set_points_of(work: Sequence[Work], bench: Bench) -> tuple[SetPoint, ...]:
     """Return what is commanded on a bench, in order."""
     sent = [(part.step, command) for part in work for command in part.commands]
-    found: list[SetPoint] = []
-    alike = groupby(sent, key=lambda one: (one[0], type(one[1]), one[1].instrument))
+    set_points: list[SetPoint] = []
+    alike = groupby(sent, key=lambda pair: (pair[0], type(pair[1]), pair[1].instrument))
     for (step, kind, _), group in alike:
-        found += kind.declare(step, [command for _, command in group], bench)
-    return tuple(found)
+        set_points += kind.declare(step, [command for _, command in group], bench)
+    return tuple(set_points)
 
 
 def recordings_of(work: Sequence[Work], bench: Bench) -> tuple[Recording, ...]:
@@ -112,12 +112,12 @@ def recordings_of(work: Sequence[Work], bench: Bench) -> tuple[Recording, ...]:
 
 def recording_of(source: str, rows: Sequence[Rows], bench: Bench) -> Recording:
     """Return all rows of one source."""
-    count = sum(one.count for one in rows if one.count is not None)
-    uncounted = [one for one in rows if one.count is None]
+    count = sum(row.count for row in rows if row.count is not None)
+    uncounted = [row for row in rows if row.count is None]
     if uncounted:
-        read_s = sum(one.duration_s if one.read_s is None else one.read_s for one in uncounted)
+        read_s = sum(row.duration_s if row.read_s is None else row.read_s for row in uncounted)
         count += read_s / reading_period_s(bench, source)
-    return Recording(source, math.ceil(count - 1e-6), sum(one.duration_s for one in rows))
+    return Recording(source, math.ceil(count - 1e-6), sum(row.duration_s for row in rows))
 
 
 def reading_period_s(bench: Bench, gaussmeter: str) -> float:

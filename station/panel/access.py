@@ -92,7 +92,7 @@ class Guard:
                 ]
                 given = list(message.get("headers", []))  # type: ignore[call-overload]
                 names = {name.lower() for name, _ in given}
-                message["headers"] = [*given, *(one for one in own if one[0] not in names)]
+                message["headers"] = [*given, *(header for header in own if header[0] not in names)]
             await send(message)
 
         await self._app(scope, receive, send_with_policy)  # type: ignore[arg-type]

@@ -109,12 +109,12 @@ class Panel:
         """Take a token and give a session."""
         token = str((await body(request)).get("token", ""))
         async with self._logging_in:  # one guess a second, however many ask at once
-            found = self._access.log_in(token)
-            if found is None:
+            logged_in = self._access.log_in(token)
+            if logged_in is None:
                 await asyncio.sleep(1.0)
-        if found is None:
+        if logged_in is None:
             return JSONResponse({"error": "this token is not known here"}, 403)
-        session, role = found
+        session, role = logged_in
         response = JSONResponse({"role": role})
         response.set_cookie(cookie_of(request), session, httponly=True, samesite="strict")
         return response
@@ -125,8 +125,8 @@ class Panel:
             return JSONResponse({"error": "log in first"}, 401)
 
         search = request.query_params.get("search", "")[:200]
-        found = await run_in_threadpool(self.overview, search)
-        return JSONResponse({"role": self.role(request), **found})
+        overview = await run_in_threadpool(self.overview, search)
+        return JSONResponse({"role": self.role(request), **overview})
 
     def overview(self, search: str) -> dict[str, Any]:
         """Return benches, plans and runs; one look at the files does for all who ask at once."""
@@ -175,10 +175,10 @@ class Panel:
         procedure = str(first_event(self.folder(request)).get("procedure"))
         package = registry.folder_of(registry.PROCEDURES, procedure)
         name = request.path_params["name"]
-        found = package / "pictures" / name if package and PICTURE.fullmatch(name) else None
-        if found is None or not found.is_file():
+        path = package / "pictures" / name if package and PICTURE.fullmatch(name) else None
+        if path is None or not path.is_file():
             return JSONResponse({"error": "there is no such picture"}, 404)
-        return FileResponse(found, headers={"Content-Security-Policy": REPORT_POLICY})
+        return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
 
     async def wish(self, request: Request) -> Response:
         """Pass a wish on to the run's process: pause, go on, abort, or the answer to a prompt."""

@@ -19,14 +19,14 @@ MOST_RUNS = 50
 
 def benches(runs: Path) -> list[dict[str, Any]]:
     """Return each known bench: name, title, whether it is tripped or in use, calibration due."""
-    used = {one["bench"]: one["run"] for one in newest_runs(runs, most=MOST_RUNS) if one["running"]}
-    found: list[dict[str, Any]] = []
+    used = {run["bench"]: run["run"] for run in newest_runs(runs, most=MOST_RUNS) if run["running"]}
+    rows: list[dict[str, Any]] = []
     for name, _ in available(BENCHES):
         path = find(BENCHES, name)
         try:
             bench = read_bench(path, registry.names(registry.DRIVERS))
         except FaultList as faults:
-            found.append({"name": name, "title": "", "state": "broken", "what": str(faults)})
+            rows.append({"name": name, "title": "", "state": "broken", "what": str(faults)})
             continue
         trip = unacknowledged(path, addresses_in(path))
         state, what = "free", ""
@@ -35,7 +35,7 @@ def benches(runs: Path) -> list[dict[str, Any]]:
         elif str(path) in used:
             state, what = "in use", used[str(path)]
         due = earliest_due(bench)
-        found.append(
+        rows.append(
             {
                 "name": name,
                 "title": bench.title or "",
@@ -46,13 +46,17 @@ def benches(runs: Path) -> list[dict[str, Any]]:
                 "overdue": bool(due and due < utc_now().date()),
             }
         )
-    return found
+    return rows
 
 
 def earliest_due(bench: Bench) -> date | None:
     """Return when the first calibration of a bench falls due."""
-    records = [one.calibration for one in bench.instruments.values() if one.calibration]
-    return min((one.due for one in records if one.due), default=None)
+    records = [
+        instrument.calibration
+        for instrument in bench.instruments.values()
+        if instrument.calibration
+    ]
+    return min((record.due for record in records if record.due), default=None)
 
 
 def plans() -> list[dict[str, Any]]:

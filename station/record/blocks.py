@@ -82,7 +82,7 @@ WINDOW = 1 << 20
 
 
 @dataclass(frozen=True)
-class _Found:
+class _RawBlock:
     """A whole block as it stands in a file; `named` is the unit of work that it announces.
 
     `number` counts the blocks of a file from 0; `source` is announced with the unit.
@@ -115,9 +115,9 @@ def scan(path: Path) -> Scan:
     Raises OSError where it cannot be.
     """
     order = BlockOrder()
-    found = _scan(path, order, ())
+    scanned = _scan(path, order, ())
     misplaced = order.misplaced()
-    return _scan(path, BlockOrder(), misplaced) if misplaced else found
+    return _scan(path, BlockOrder(), misplaced) if misplaced else scanned
 
 
 def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
@@ -125,33 +125,33 @@ def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
 
     The order of all its whole blocks is added to `order`.
     """
-    found = Scan()
+    scan = Scan()
     units: dict[int, str] = {}
     guessed: dict[int, str] = {}
     loose: list[_Loose] = []
     last: str | None = None
     number = -1
     with path.open("rb") as file:
-        found.size = os.fstat(file.fileno()).st_size
-        if file.read(len(HEAD)) != HEAD and found.size:
-            found.parts.append(Part(0, len(HEAD), DAMAGED_HEAD, *NEVER))
-        file.seek(max(found.size - len(END), 0))
+        scan.size = os.fstat(file.fileno()).st_size
+        if file.read(len(HEAD)) != HEAD and scan.size:
+            scan.parts.append(Part(0, len(HEAD), DAMAGED_HEAD, *NEVER))
+        file.seek(max(scan.size - len(END), 0))
         tail = file.read()
-        found.sealed = tail == END
-        end = found.size - len(END) if found.sealed else found.size
+        scan.sealed = tail == END
+        end = scan.size - len(END) if scan.sealed else scan.size
         at = min(len(HEAD), end)
         while at < end:
             block = block_at(file, at, end)
             if block is None:
-                one = _damaged(file, at, end)
-                loose.append(one)
-                if one.named is not None and one.channel is not None:
-                    guessed[one.channel] = one.named
-                at += one.length
+                damaged = _damaged(file, at, end)
+                loose.append(damaged)
+                if damaged.named is not None and damaged.channel is not None:
+                    guessed[damaged.channel] = damaged.named
+                at += damaged.length
                 continue
             order.add(at, block.number, block.time_ns)
             if block.source is not None:
-                found.sources.add(block.source)
+                scan.sources.add(block.source)
             if at in misplaced:
                 loose.append(_Loose(at, block.length, MISPLACED))
                 at += block.length
@@ -163,18 +163,18 @@ def _scan(path: Path, order: BlockOrder, misplaced: Collection[int]) -> Scan:
                 around = (last, units[block.channel])
                 if _lacks(block.number - number - 1, loose):
                     loose.append(_Loose(at, 0, MISSING))
-                found.add_parts([_bounded(one, found, time_s, units, around) for one in loose])
+                scan.add_parts([_bounded(part, scan, time_s, units, around) for part in loose])
                 loose.clear()
-                found.add(units[block.channel], at, block.length)
-                last, found.last_s, number = units[block.channel], time_s, block.number
+                scan.add(units[block.channel], at, block.length)
+                last, scan.last_s, number = units[block.channel], time_s, block.number
             else:
                 name = guessed.get(block.channel)
                 loose.append(_Loose(at, block.length, NAMELESS, block.time_ns, None, name))
             at += block.length
-    found.add_parts([_bounded(one, found, math.inf, units, (last,)) for one in loose])
-    if found.parts and found.parts[-1].what == CUT and _is_end(tail, found):
-        found.parts[-1] = Part(end - len(END), len(END), DAMAGED_END, *NEVER)
-    return found
+    scan.add_parts([_bounded(part, scan, math.inf, units, (last,)) for part in loose])
+    if scan.parts and scan.parts[-1].what == CUT and _is_end(tail, scan):
+        scan.parts[-1] = Part(end - len(END), len(END), DAMAGED_END, *NEVER)
+    return scan
 
 
 def _lacks(between: int, loose: Sequence[_Loose]) -> bool:
@@ -182,41 +182,43 @@ def _lacks(between: int, loose: Sequence[_Loose]) -> bool:
 
     Where the length of a block is damaged nobody knows how many there were.
     """
-    return between > len(loose) and all(one.what != DAMAGED_BLOCK for one in loose)
+    return between > len(loose) and all(part.what != DAMAGED_BLOCK for part in loose)
 
 
-def _is_end(tail: bytes, found: Scan) -> bool:
+def _is_end(tail: bytes, scan: Scan) -> bool:
     """Whether what stands behind the last block is a file's end, but for a few bytes."""
-    alike = sum(one == right for one, right in zip(tail, END, strict=False))
-    return found.parts[-1].length == len(END) and alike >= len(END) - FEW
+    alike = sum(byte == right for byte, right in zip(tail, END, strict=False))
+    return scan.parts[-1].length == len(END) and alike >= len(END) - FEW
 
 
 def _bounded(
-    one: _Loose,
-    found: Scan,
+    part: _Loose,
+    scan: Scan,
     after_s: float,
     units: Mapping[int, str],
     around: tuple[str | None, ...],
 ) -> Part:
     """Return a damaged part with its times and units: its own, or those around it."""
-    time_s = math.nan if one.time_ns is None else one.time_ns / NANOSECONDS
-    stated = units.get(one.channel) if one.channel is not None else None
-    if one.what == NAMELESS:  # all but its name is proven, its time too
-        guessed = () if one.named is None else (one.named,)
-        return Part(one.began, one.length, one.what, time_s, time_s, guessed)
-    if one.what in (MISPLACED, MISSING):  # what it says of itself is true of another place
+    time_s = math.nan if part.time_ns is None else part.time_ns / NANOSECONDS
+    stated = units.get(part.channel) if part.channel is not None else None
+    if part.what == NAMELESS:  # all but its name is proven, its time too
+        guessed = () if part.named is None else (part.named,)
+        return Part(part.began, part.length, part.what, time_s, time_s, guessed)
+    if part.what in (MISPLACED, MISSING):  # what it says of itself is true of another place
         known = tuple(dict.fromkeys(unit for unit in around if unit is not None))
-        return Part(one.began, one.length, one.what, found.last_s, after_s, known)
-    beside = tuple(dict.fromkeys(unit for unit in (stated, one.named, *around) if unit is not None))
-    if not found.sealed and one.began + one.length == found.size and one.time_ns is None:
-        return Part(one.began, one.length, CUT, found.last_s, math.inf, beside)
-    if found.last_s <= time_s <= after_s:
+        return Part(part.began, part.length, part.what, scan.last_s, after_s, known)
+    beside = tuple(
+        dict.fromkeys(unit for unit in (stated, part.named, *around) if unit is not None)
+    )
+    if not scan.sealed and part.began + part.length == scan.size and part.time_ns is None:
+        return Part(part.began, part.length, CUT, scan.last_s, math.inf, beside)
+    if scan.last_s <= time_s <= after_s:
         sure = beside if stated is None else (stated,)
-        return Part(one.began, one.length, one.what, time_s, time_s, sure)
-    return Part(one.began, one.length, one.what, found.last_s, after_s, beside)
+        return Part(part.began, part.length, part.what, time_s, time_s, sure)
+    return Part(part.began, part.length, part.what, scan.last_s, after_s, beside)
 
 
-def block_at(file: IO[bytes], at: int, end: int) -> _Found | None:
+def block_at(file: IO[bytes], at: int, end: int) -> _RawBlock | None:
     """Return the whole block that begins at a byte of a file and ends before `end`, or None."""
     file.seek(at)
     head = file.read(CHUNK.size)
@@ -232,23 +234,23 @@ def block_at(file: IO[bytes], at: int, end: int) -> _Found | None:
     return _message_in(records, first_ns)
 
 
-def _message_in(records: bytes, time_ns: int) -> _Found | None:
+def _message_in(records: bytes, time_ns: int) -> _RawBlock | None:
     """Return the message of proven records where its times are those of its chunk."""
     length = CHUNK.size + len(records)
     if records[:1] == bytes([MESSAGE_KIND]) and len(records) >= MESSAGE.size:
         _, inner, channel, number, logged_ns, published_ns = MESSAGE.unpack_from(records)
         if inner + 9 == len(records) and logged_ns == published_ns == time_ns:
-            return _Found(length, channel, number, time_ns)
+            return _RawBlock(length, channel, number, time_ns)
         return None
     source = named = None
     try:
-        for one in StreamReader(io.BytesIO(records), skip_magic=True).records:
-            if isinstance(one, Channel):
-                source, named = one.topic.split("/", 1)
-            elif isinstance(one, Message):
-                if not one.log_time == one.publish_time == time_ns:
+        for record in StreamReader(io.BytesIO(records), skip_magic=True).records:
+            if isinstance(record, Channel):
+                source, named = record.topic.split("/", 1)
+            elif isinstance(record, Message):
+                if not record.log_time == record.publish_time == time_ns:
                     return None
-                return _Found(length, one.channel_id, one.sequence, time_ns, named, source)
+                return _RawBlock(length, record.channel_id, record.sequence, time_ns, named, source)
     except (McapError, struct.error, ValueError, IndexError):
         return None
     return None

@@ -73,8 +73,8 @@ class Comparison:
         parts = ("plan", "instruments", "software")
         return {
             "runs": list(self.runs),
-            **{part: [asdict(one) for one in getattr(self, part)] for part in parts},
-            "results": [one.to_data() for one in self.results],
+            **{part: [asdict(difference) for difference in getattr(self, part)] for part in parts},
+            "results": [result.to_data() for result in self.results],
         }
 
 
@@ -84,9 +84,9 @@ def compare(first: Path, second: Path) -> Comparison:
     documents = [_document(folder) for folder in folders]
     return Comparison(
         (folders[0].path.name, folders[1].path.name),
-        tuple(_differences(*(_leaves(read_yaml(one.path / PLAN).data) for one in folders))),
-        tuple(_differences(*(_instruments(one) for one in folders))),
-        tuple(_differences(*(_software(one) for one in folders))),
+        tuple(_differences(*(_leaves(read_yaml(folder.path / PLAN).data) for folder in folders))),
+        tuple(_differences(*(_instruments(folder) for folder in folders))),
+        tuple(_differences(*(_software(folder) for folder in folders))),
         tuple(_results(*documents)),
     )
 
@@ -109,24 +109,24 @@ def _leaves(data: Any, where: str = "") -> dict[str, Any]:
     """Return each value of nested mappings by its path; a list is one value."""
     if not isinstance(data, dict):
         return {where: data}
-    found = dict[str, Any]()
+    values = dict[str, Any]()
     for key, value in data.items():
-        found |= _leaves(value, f"{where}.{key}" if where else str(key))
-    return found
+        values |= _leaves(value, f"{where}.{key}" if where else str(key))
+    return values
 
 
 def _instruments(folder: RunFolder) -> dict[str, Any]:
     """Return model, serial number, firmware and certificate of each instrument that took part."""
     entries = read_yaml(folder.path / BENCH).data["instruments"]
-    found = dict[str, Any]()
+    instruments = dict[str, Any]()
     for event in folder.events_of("identified"):
         name = event.details["instrument"]
         for key in ("model", "serial", "firmware"):
-            found[f"{name} {key}"] = event.details[key]
+            instruments[f"{name} {key}"] = event.details[key]
         record = entries.get(name, {}).get("calibration") or {}
-        found[f"{name} certificate"] = record.get("certificate")
-        found[f"{name} due"] = record.get("due") and str(record["due"])
-    return found
+        instruments[f"{name} certificate"] = record.get("certificate")
+        instruments[f"{name} due"] = record.get("due") and str(record["due"])
+    return instruments
 
 
 def _software(folder: RunFolder) -> dict[str, Any]:
@@ -142,7 +142,9 @@ def _differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterato
 
 
 def _by_key(document: Mapping[str, Any]) -> dict[tuple[str, str | None, str], Mapping[str, Any]]:
-    return {(one["name"], one["axis"], one["unit"]): one for one in document["results"]}
+    return {
+        (result["name"], result["axis"], result["unit"]): result for result in document["results"]
+    }
 
 
 def _results(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[ResultPair]:

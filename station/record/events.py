@@ -128,7 +128,7 @@ def is_paused(events: Sequence[Event]) -> bool:
 
 def paused_s(events: Sequence[Event], since_s: float, now_s: float) -> float:
     """Return how much of the run time from `since_s` to `now_s` was spent paused, in s."""
-    ended = (one for one in spans(events, now_s) if one[1] > since_s)
+    ended = (span for span in spans(events, now_s) if span[1] > since_s)
     return sum(end_s - max(began_s, since_s) for began_s, end_s in ended)
 
 
@@ -159,9 +159,9 @@ def latest_safe_state(
     latest = _latest(run_events, of_guardian, SAFE_STATE)
     # A run that opened nothing has nothing to say of what was left before it.
     telling = [
-        one["outcomes"]
-        for one in latest
-        if any(outcome.get("used", True) for outcome in one["outcomes"])
+        details["outcomes"]
+        for details in latest
+        if any(outcome.get("used", True) for outcome in details["outcomes"])
     ]
     return list(telling[-1]) if telling else [] if latest else None
 
@@ -171,7 +171,7 @@ def latest_left_out(
 ) -> list[dict[str, str]]:
     """Return what can harm and was not read back when a run left its bench: instrument and why."""
     latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
-    kinds_seen = [one["left_out"] for one in latest if "left_out" in one]
+    kinds_seen = [details["left_out"] for details in latest if "left_out" in details]
     return list(kinds_seen[-1]) if kinds_seen else []
 
 
@@ -188,8 +188,8 @@ def whole_bench(left_out: Iterable[Mapping[str, str]]) -> str:
 def not_known(left_out: Iterable[Mapping[str, str]]) -> str:
     """Return that some instruments are not known to be safe, by name; empty where there is none."""
     by_reason: dict[str, list[str]] = {}
-    for one in left_out:
-        by_reason.setdefault(one["why"], []).append(one["instrument"])
+    for left in left_out:
+        by_reason.setdefault(left["why"], []).append(left["instrument"])
     named = [f"{', '.join(names)} ({why})" for why, names in by_reason.items()]
     return f"NOT KNOWN to be safe: {' and '.join(named)}" if named else ""
 
@@ -207,7 +207,7 @@ def _latest(
     latest = [
         (place, event.details) for place, event in said if event.kind in kinds and place > opened
     ]
-    latest.sort(key=lambda one: one[0])
+    latest.sort(key=lambda timed: timed[0])
     return [details for _, details in latest]
 
 

@@ -44,7 +44,7 @@ FACTS = ("started_utc", "station", "python", "packages", "host", "system")
 PIECE_ROWS = 2**19
 """Rows that are read at once; what is longer is read in pieces."""
 
-Found = TypeVar("Found")
+Kept = TypeVar("Kept")
 
 
 class RunRecord:
@@ -242,7 +242,7 @@ class RunFolder:
 
     def of_last_process(self, kind: str) -> list[Event]:
         """Return the events of one kind since the run was begun, or last resumed."""
-        since = max((k for k, one in enumerate(self.events) if one.kind == RESUMED), default=0)
+        since = max((k for k, event in enumerate(self.events) if event.kind == RESUMED), default=0)
         return [event for event in self.events[since:] if event.kind == kind]
 
     def rows(self, source: str, unit: str) -> NDArray[Any]:
@@ -278,16 +278,16 @@ class RunFolder:
             yield more
             yield from pieces
 
-    def once(self, name: Hashable, find: Callable[[], Found]) -> Found:
+    def once(self, name: Hashable, find: Callable[[], Kept]) -> Kept:
         """Return what `find` found when it was asked for by this name for the first time."""
         if name not in self._found:
             self._found[name] = find()
-        found: Found = self._found[name]
-        return found
+        kept: Kept = self._found[name]
+        return kept
 
-    def course(self, source: str, unit: str, every: int = 1) -> list[NDArray[Any]]:
+    def recorded_blocks(self, source: str, unit: str, every: int = 1) -> list[NDArray[Any]]:
         """Return what all processes of the run recorded of a unit, every so-manieth block."""
-        indices = (self._index(source, one) for one in range(next_segment(self.path / RAW)))
+        indices = (self._index(source, segment) for segment in range(next_segment(self.path / RAW)))
         return [block for index in indices if index for block in index.blocks(unit, every)]
 
     def _blocks_of(self, source: str, unit: str) -> Iterator[NDArray[Any]]:

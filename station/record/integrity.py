@@ -159,19 +159,19 @@ def damage_of(folder: OpenedRecord) -> Damage:
     finished = spans_of(folder.events)
     parts: list[DamagedPart] = []
     there = {f"{RAW}/{file.name}" for file in raw_files(path)}
-    for name in sorted(there | {one for one in listed if one.startswith(f"{RAW}/")}):
+    for name in sorted(there | {name for name in listed if name.startswith(f"{RAW}/")}):
         if name not in there:
             parts.append(lost_file(name, finished))
             continue
-        found = folder.index(path / name).scan
-        foreign = sorted(found.sources - {source_of(name)})
+        scan = folder.index(path / name).scan
+        foreign = sorted(scan.sources - {source_of(name)})
         if foreign:
             altered.append(
                 f"{path / name} was altered: it holds blocks of {foreign[0]}, not of "
                 f"{source_of(name)}"
             )
         as_it_was = name not in unlike if name in listed else None
-        bad = list(damaged_parts(name, found, finished, as_it_was=as_it_was))
+        bad = list(damaged_parts(name, scan, finished, as_it_was=as_it_was))
         if name in unlike and not bad:
             altered.append(
                 f"{path / name} is not the file that the run wrote: every block's check sum holds, "
@@ -200,8 +200,8 @@ def _altered_inputs(folder: OpenedRecord) -> Iterator[str]:
 def _recorded(folder: OpenedRecord) -> dict[str, str]:
     """Return the SHA-256 that the log has of plan, bench, and each file that the plan named."""
     began = next(folder.events_of("run-started"), None)
-    found: dict[str, str] = began.details.get("sha256", {}) if began else {}
-    return found
+    sums: dict[str, str] = began.details.get("sha256", {}) if began else {}
+    return sums
 
 
 def data_hash(file: Path) -> str:

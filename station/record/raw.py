@@ -177,27 +177,29 @@ def read_blocks(path: Path) -> Iterator[tuple[str, dict[str, str], NDArray[Any]]
     Each comes with its unit of work and with what the driver says of each column. Never more of
     the file than a block at a time is read.
     """
-    found = scan(path)
+    scanned = scan(path)
     ordered = sorted(
         (at, size, unit)
-        for unit, (began, length) in found.places.items()
+        for unit, (began, length) in scanned.places.items()
         for at, size in zip(began, length, strict=True)
     )
     described: dict[str, dict[str, str]] = {}
     with path.open("rb") as file:
         for at, size, unit in ordered:
             block = records_of(file, at, size, path)
-            for one in block:
-                if isinstance(one, Channel):
-                    described[unit] = one.metadata
-                elif isinstance(one, Message):
-                    yield unit, described[unit], decoded(one.data)
+            for message in block:
+                if isinstance(message, Channel):
+                    described[unit] = message.metadata
+                elif isinstance(message, Message):
+                    yield unit, described[unit], decoded(message.data)
                     break
 
 
 def message_of(file: IO[bytes], at: int, size: int, path: Path) -> Message:
     """Return the message of a block whose check sum holds; raises DamagedRecord."""
-    return next(one for one in records_of(file, at, size, path) if isinstance(one, Message))
+    return next(
+        record for record in records_of(file, at, size, path) if isinstance(record, Message)
+    )
 
 
 def records_of(file: IO[bytes], at: int, size: int, path: Path) -> Iterator[McapRecord]:

@@ -62,7 +62,7 @@ class Span:
 
 def spans_of(events: Sequence[Event]) -> list[Span]:
     """Return the spans of the finished units, each as it was finished last."""
-    found: dict[str, Span] = {}
+    spans: dict[str, Span] = {}
     began: dict[str, float] = {}
     sizes: Mapping[str, int] = {}
     previous_s = -math.inf
@@ -75,13 +75,13 @@ def spans_of(events: Sequence[Event]) -> list[Span]:
             unit, now = event.details["unit"], event.details.get("raw_bytes")
             segment = int(event.details.get("segment", 0))
             began_s = began.get(unit, previous_s)
-            found[unit] = Span(unit, segment, began_s, event.time_s, sizes, now)
+            spans[unit] = Span(unit, segment, began_s, event.time_s, sizes, now)
             sizes, previous_s = now or {}, event.time_s
-    return list(found.values())
+    return list(spans.values())
 
 
 def damaged_parts(
-    name: str, found: Scan, finished: Sequence[Span], *, as_it_was: bool | None
+    name: str, scan: Scan, finished: Sequence[Span], *, as_it_was: bool | None
 ) -> Iterator[DamagedPart]:
     """Yield the damaged parts of a raw file with the units they spoil.
 
@@ -90,12 +90,14 @@ def damaged_parts(
     unit had more.
     """
     own = [span for span in finished if span.segment == segment_of(name)]
-    torn = not found.sealed and as_it_was is not False
-    whole = [part for part in found.parts if not (torn and part.what == CUT)]
-    cut = [] if found.sealed else [one for one in own if _is_cut(one, name, found, torn=torn)]
-    if found.sealed and not any(part.what == MISSING for part in whole):
-        behind = found.size - len(END)  # the last blocks may be missing, neatly
-        cut = [one for one in own if one.sizes is not None and one.within(name, behind, math.inf)]
+    torn = not scan.sealed and as_it_was is not False
+    whole = [part for part in scan.parts if not (torn and part.what == CUT)]
+    cut = [] if scan.sealed else [part for part in own if _is_cut(part, name, scan, torn=torn)]
+    if scan.sealed and not any(part.what == MISSING for part in whole):
+        behind = scan.size - len(END)  # the last blocks may be missing, neatly
+        cut = [
+            part for part in own if part.sizes is not None and part.within(name, behind, math.inf)
+        ]
     if any(part.what == DAMAGED_END for part in whole):
         cut = []
     known = {span.unit for span in own}
@@ -121,7 +123,7 @@ def damaged_parts(
         yield DamagedPart(name, part.began, part.length, part.what, tuple(dict.fromkeys(spoiled)))
     if cut and not any(part.what == CUT for part in whole):
         units = tuple(span.unit for span in cut)
-        yield DamagedPart(name, found.whole_bytes, 0, CUT_SHORT, units)
+        yield DamagedPart(name, scan.whole_bytes, 0, CUT_SHORT, units)
 
 
 def _is_around(span: Span, name: str, part: Part) -> bool:
@@ -136,11 +138,11 @@ def _is_around(span: Span, name: str, part: Part) -> bool:
     return span.meets(part) or span.unit in part.units
 
 
-def _is_cut(span: Span, name: str, found: Scan, *, torn: bool) -> bool:
+def _is_cut(span: Span, name: str, scan: Scan, *, torn: bool) -> bool:
     """Whether a file without its end lacks rows of a finished unit."""
     if span.sizes is not None:
-        return span.within(name, found.whole_bytes, math.inf)
-    return not torn and span.ended_s >= found.last_s
+        return span.within(name, scan.whole_bytes, math.inf)
+    return not torn and span.ended_s >= scan.last_s
 
 
 def lost_file(name: str, finished: Sequence[Span]) -> DamagedPart:

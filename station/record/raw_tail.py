@@ -26,16 +26,16 @@ class RawTail:
         with self._path.open("rb") as file:
             end = os.fstat(file.fileno()).st_size
             while self._at < end:
-                found = block_at(file, self._at, end)
-                if found is None:
+                block = block_at(file, self._at, end)
+                if block is None:
                     later = next_block(file, self._at, end)
                     if later >= end:  # a block that is being written; it is read at the next look
                         return
                     self._at = later
                     continue
-                if found.named is not None:
-                    self._units[found.channel] = found.named
-                at, self._at = self._at, self._at + found.length
-                if found.channel in self._units:
-                    rows = decoded(message_of(file, at, found.length, self._path).data)
-                    yield self._units[found.channel], rows
+                if block.named is not None:
+                    self._units[block.channel] = block.named
+                at, self._at = self._at, self._at + block.length
+                if block.channel in self._units:
+                    rows = decoded(message_of(file, at, block.length, self._path).data)
+                    yield self._units[block.channel], rows

@@ -45,8 +45,8 @@ def used_instruments(folder: RunFolder) -> list[str]:
 def left_out(folder: RunFolder) -> Mapping[str, str]:
     """Return the instruments that can harm and were not read back at the end, and why."""
     ends = list(folder.events_of(SAFE_STATE))
-    found = ends[-1].details.get("left_out", ()) if ends else ()
-    return {one["instrument"]: one["why"] for one in found}
+    left = ends[-1].details.get("left_out", ()) if ends else ()
+    return {entry["instrument"]: entry["why"] for entry in left}
 
 
 def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:

@@ -18,17 +18,17 @@ OPERATOR = re.compile(r"^operator: (?!null\b)(.*?) *(?:#.*)?$", re.MULTILINE)
 
 def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[dict[str, Any]]:
     """Return the newest runs, at most so many; those alone of which a word holds the text."""
-    found: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     for folder in reversed(runs_below(runs)):
-        if most is not None and len(found) >= most:
+        if most is not None and len(rows) >= most:
             break
         if folder.is_symlink() or not folder.name.isprintable():  # nothing can be had of it
             continue
         entry = entry_of(folder)
-        named = (entry[one] for one in ("run", "serial", "operator", "verdict", "state"))
+        named = (entry[key] for key in ("run", "serial", "operator", "verdict", "state"))
         if search.lower() in " ".join(filter(None, named)).lower():
-            found.append(entry)
-    return found
+            rows.append(entry)
+    return rows
 
 
 def entry_of(folder: Path) -> dict[str, Any]:
@@ -57,8 +57,8 @@ def entry_of(folder: Path) -> dict[str, Any]:
 
 def operator_of(folder: Path) -> str:
     """Return who the plan says runs it, as its resolved copy has it."""
-    found = OPERATOR.search(own_text(folder / PLAN))
-    return words(found[1].strip("'\"")) if found else ""
+    match = OPERATOR.search(own_text(folder / PLAN))
+    return words(match[1].strip("'\"")) if match else ""
 
 
 def first_event(folder: Path) -> dict[str, Any]:

@@ -123,8 +123,8 @@ def rising(values: Sequence[int], *, strictly: bool) -> list[int]:
             ends.append(place)
         elif value < lasts[length]:  # of two of the same number, the first
             lasts[length], ends[length] = value, place
-    found, place = [], ends[-1] if ends else -1
+    places, place = [], ends[-1] if ends else -1
     while place >= 0:
-        found.append(place)
+        places.append(place)
         place = before[place]
-    return found[::-1]
+    return places[::-1]

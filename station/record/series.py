@@ -57,7 +57,7 @@ class Thinned:
             last = np.append(np.diff(times) > 0.0, True)[: len(times)]
             times, values = times[last], values[last]
             times, values = (times[1:] + times[:-1]) / 2.0, np.diff(values) / np.diff(times)
-        return {"t": times.round(3).tolist(), "v": [float(f"{one:.7g}") for one in values]}
+        return {"t": times.round(3).tolist(), "v": [float(f"{value:.7g}") for value in values]}
 
 
 class RunSeries:
@@ -94,8 +94,8 @@ class RunSeries:
         """
         plots: dict[str, dict[str, dict[str, list[float]]]] = {}
         for source, series in self._series.items():
-            for name, one in series.items():
-                plots.setdefault(f"{source}, {unit_of(name)}", {})[name] = values_of(name, one)
+            for name, thinned in series.items():
+                plots.setdefault(f"{source}, {unit_of(name)}", {})[name] = values_of(name, thinned)
         return plots
 
     def of_device(self) -> Trace | None:
@@ -104,8 +104,8 @@ class RunSeries:
             declared = role(role_of(source))
             if declared is None or not declared.reads_device:
                 continue
-            for name, one in series.items():
-                if values := values_of(name, one)["v"]:
+            for name, thinned in series.items():
+                if values := values_of(name, thinned)["v"]:
                     return Trace(source, name.rpartition("_")[0] or name, unit_of(name), values)
         return None
 

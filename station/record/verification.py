@@ -57,15 +57,15 @@ def verify(folder: Path) -> Verification:
         raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
     if is_held(folder / LOCK):
         raise InputError(f"{folder} is being run; verify it once it has ended")
-    found = [*_against_manifest(folder), *_chain(folder)]
+    changes = [*_against_manifest(folder), *_chain(folder)]
     revisions = folder / REVISIONS
     for revision in sorted(revisions.iterdir()) if revisions.is_dir() else ():
         if revision.is_symlink() or not (revision / MANIFEST).is_file():
-            found.append(f"{revision} was added: it has no {MANIFEST}")
+            changes.append(f"{revision} was added: it has no {MANIFEST}")
         else:
-            found += _against_manifest(revision)
+            changes += _against_manifest(revision)
     proven = (folder / MANIFEST).is_file()
-    return Verification(str(folder), tuple(dict.fromkeys(found)), proven, len(_listed(folder)))
+    return Verification(str(folder), tuple(dict.fromkeys(changes)), proven, len(_listed(folder)))
 
 
 def _listed(folder: Path) -> dict[str, str]:

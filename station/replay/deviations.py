@@ -39,7 +39,7 @@ class Deviation:
 class Deviations:
     """All differences of a replay; after `ended_s` nothing counts, for the transcript is over."""
 
-    found: list[Deviation] = field(default_factory=list)
+    differences: list[Deviation] = field(default_factory=list)
     altered: list[str] = field(default_factory=list)
     """Transcripts that are not as they were recorded, in words."""
     exchanges: int = 0
@@ -56,20 +56,23 @@ class Deviations:
         """Note a difference."""
         if self.ended_s is None or time_s < self.ended_s:
             words = shown(expected, sent), shown(sent, expected)
-            self.found.append(Deviation(instrument, time_s, *words, line or None))
+            self.differences.append(Deviation(instrument, time_s, *words, line or None))
 
     @property
     def none(self) -> bool:
         """Whether everything was as the transcript has it."""
-        return not self.found and not self.altered
+        return not self.differences and not self.altered
 
     def lines(self) -> list[str]:
         """Return what a person is shown: the first differences, and how many there are."""
-        lines = [*self.altered, *(one.sentence for one in self.found[:MOST_SHOWN])]
-        left_out = len(self.found) - MOST_SHOWN
+        lines = [
+            *self.altered,
+            *(deviation.sentence for deviation in self.differences[:MOST_SHOWN]),
+        ]
+        left_out = len(self.differences) - MOST_SHOWN
         if left_out > 0:
             lines.append(f"and {left_out} more; --json lists all of them")
-        count = len(self.found)
+        count = len(self.differences)
         what = "no deviation" if not count else f"{count} deviation{'s' * (count > 1)}"
         return [*lines, f"{self.exchanges} messages sent, {what}"]
 
@@ -77,8 +80,8 @@ class Deviations:
         """Return all of it as plain data."""
         return {
             "messages": self.exchanges,
-            "count": len(self.found),
-            "deviations": [asdict(one) for one in self.found],
+            "count": len(self.differences),
+            "deviations": [asdict(deviation) for deviation in self.differences],
             "altered": self.altered,
         }
 

@@ -35,7 +35,9 @@ def write_test(run: Path, file: Path) -> None:
     Raises InputError where the file is there already, or cannot be written.
     """
     names = [PLAN, BENCH, EVENTS]
-    names += [one.path.relative_to(run).as_posix() for one in read_transcripts(run).values()]
+    names += [
+        transcript.path.relative_to(run).as_posix() for transcript in read_transcripts(run).values()
+    ]
     entries = "".join(
         f"    {name!r}: {literal((run / name).read_bytes().decode('utf-8'))},\n" for name in names
     )

@@ -32,7 +32,9 @@ class RecordedPlace:
         self, folder: RunFolder, transcripts: Mapping[str, Transcript], deviations: Deviations
     ) -> None:
         self.clock = ReplayClock(transcripts, deviations)
-        self.addresses = {name: address_of(name, one.address) for name, one in transcripts.items()}
+        self.addresses = {
+            name: address_of(name, transcript.address) for name, transcript in transcripts.items()
+        }
         self.answers = {
             str(event.details["id"]): str(event.details["answer"])
             for event in folder.events_of(ANSWERED)
@@ -103,7 +105,11 @@ def forgive_the_end(
     """Leave out what only the end of a run that was aborted or killed makes different."""
     around_s = aborted.time_s if aborted else deviations.ended_s
     if around_s is not None:
-        deviations.found = [one for one in deviations.found if abs(one.time_s - around_s) > END_S]
+        deviations.differences = [
+            deviation
+            for deviation in deviations.differences
+            if abs(deviation.time_s - around_s) > END_S
+        ]
 
 
 def altered(path: Path) -> list[str]:
@@ -115,13 +121,13 @@ def altered(path: Path) -> list[str]:
         files = json.loads(manifest.read_text(encoding="utf-8"))["files"]
     except (ValueError, KeyError) as error:
         raise InputError(f"{manifest} cannot be read: {error}") from error
-    found = []
+    sentences = []
     for name, known in files.items():
         if not name.startswith(f"{FOLDER}/"):
             continue
         instrument = Path(name).stem
         if not (path / name).is_file():
-            found.append(f"{instrument}: {name} was recorded and is lost")
+            sentences.append(f"{instrument}: {name} was recorded and is lost")
         elif file_hash(path / name) != known:
-            found.append(f"{instrument}: {name} was changed since it was recorded")
-    return found
+            sentences.append(f"{instrument}: {name} was changed since it was recorded")
+    return sentences

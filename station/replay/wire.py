@@ -41,7 +41,7 @@ class ReplayClock(VirtualClock):
     def wire(self, address: str) -> Wire:
         """Return the wire of an instrument, whose name stands in its address."""
         parts = address.replace("/", ":").split(":")
-        name = next((one for one in parts if one in self._by_name), None)
+        name = next((part for part in parts if part in self._by_name), None)
         if name is None:
             return super().wire(address)
         if name not in self._replayed:
@@ -62,9 +62,9 @@ class ReplayClock(VirtualClock):
 
 def note_unsent(transcript: Transcript, entries: Sequence[Entry], deviations: Deviations) -> None:
     """Note the messages among `entries` that nobody sent."""
-    for one in entries:
-        if one.direction == ">":
-            deviations.add(transcript.instrument, one.time_s, one.data, None, one.line)
+    for entry in entries:
+        if entry.direction == ">":
+            deviations.add(transcript.instrument, entry.time_s, entry.data, None, entry.line)
 
 
 class ReplayWire(Wire):
@@ -187,7 +187,7 @@ class ReplayPort:
         self._wire, self._clock = wire, wire.clock
         self._cut = cut
         self._entries = opening.entries
-        self._sent = deque(n for n, one in enumerate(self._entries) if one.direction == ">")
+        self._sent = deque(n for n, entry in enumerate(self._entries) if entry.direction == ">")
         self._due: deque[Entry] = deque()
         self._known: dict[bytes, int] = {}
         self._came: deque[Entry] | None = None
@@ -202,7 +202,7 @@ class ReplayPort:
 
     def stream(self) -> None:
         """Give out what came at its time, whatever was asked."""
-        self._came = deque(one for one in self._entries if one.direction == "<")
+        self._came = deque(entry for entry in self._entries if entry.direction == "<")
 
     def next_s(self) -> float | None:
         """Return when the next of a stream comes: as recorded, but behind what asked for it."""
@@ -219,17 +219,17 @@ class ReplayPort:
 
     def write(self, data: bytes) -> None:
         """Hold what a driver sends against the transcript, at its recorded time or later."""
-        found = self._found(data)
-        if found is None:
+        place = self._found(data)
+        if place is None:
             return
-        entry = self._entries[found]
+        entry = self._entries[place]
         if entry.time_s > self._clock.now() + SAME_TIME_S:
             self._clock.sleep_until(entry.time_s)
         if self._came is not None:
             self._wire.pump()
             return
         self._due.clear()
-        self._due.extend(self._behind(found))
+        self._due.extend(self._behind(place))
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has come by now."""
@@ -238,17 +238,17 @@ class ReplayPort:
     def messages(self) -> list[bytes]:
         """Return each message that has come by now; OSError where the line broke then."""
         now_s = self._clock.now() + SAME_TIME_S
-        found: list[bytes] = []
+        messages: list[bytes] = []
         if self._came is not None:
             while (due_s := self.next_s()) is not None and due_s <= self._clock.now():
-                found.append(self._came.popleft().data)
-            return found
+                messages.append(self._came.popleft().data)
+            return messages
         if self._due and self._due[0].time_s <= now_s:
-            one = self._due.popleft()
-            if one.direction == "!":
+            entry = self._due.popleft()
+            if entry.direction == "!":
                 raise ConnectionResetError("the line broke when this was recorded")
-            found.append(one.data)
-        return found
+            messages.append(entry.data)
+        return messages
 
     def close(self) -> None:
         """Nothing is left behind."""
@@ -278,11 +278,11 @@ class ReplayPort:
     def _behind(self, number: int) -> list[Entry]:
         """Return what came behind an entry, up to the next that was sent."""
         behind = []
-        for one in self._entries[number + 1 :]:
-            if one.direction == ">":
+        for entry in self._entries[number + 1 :]:
+            if entry.direction == ">":
                 break
-            if one.direction == "<" or (one.direction == "!" and BROKE in one.data):
-                behind.append(one)
+            if entry.direction == "<" or (entry.direction == "!" and BROKE in entry.data):
+                behind.append(entry)
         return behind
 
 

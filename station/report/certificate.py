@@ -73,7 +73,9 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         decision_rule=RULES[plan.decision_rule],
         verdict=BADGES[document.verdict][1],
         flags=tuple(document.flags),
-        signatories=tuple((one.name, one.function) for one in laboratory.signatories)
+        signatories=tuple(
+            (signatory.name, signatory.function) for signatory in laboratory.signatories
+        )
         if laboratory
         else (),
         operator=plan.operator or "",
@@ -110,7 +112,7 @@ def ambient_rows(folder: RunFolder) -> Iterator[tuple[str, ...]]:
         for column, line in columns.items():
             if values := line["v"]:
                 mean = sum(values) / len(values)
-                texts = [f"{one:.2f}" for one in (min(values), mean, max(values))]
+                texts = [f"{value:.2f}" for value in (min(values), mean, max(values))]
                 what = column.rpartition("_")[0].replace("_", " ")
                 yield source, what, *texts, AMBIENT_UNITS[unit]
 
@@ -180,58 +182,63 @@ def hash_rows(folder: RunFolder) -> Iterator[tuple[str, str]]:
 
 def sheet_of(certificate: Certificate) -> Sheet:
     """Return a certificate as the sections of a page."""
-    one, drafts = certificate, certificate.draft_reasons()
+    drafts = certificate.draft_reasons()
     return Sheet(
         kind="Certificate",
-        title=one.title,
-        number=one.number,
-        laboratory=one.laboratory,
-        address=one.address,
-        accreditation=one.accreditation,
+        title=certificate.title,
+        number=certificate.number,
+        laboratory=certificate.laboratory,
+        address=certificate.address,
+        accreditation=certificate.accreditation,
         drafts=drafts,
-        sections=tuple(section for section in sections_of(one) if section.blocks),
+        sections=tuple(section for section in sections_of(certificate) if section.blocks),
     )
 
 
-def sections_of(one: Certificate) -> Iterator[Section]:
+def sections_of(certificate: Certificate) -> Iterator[Section]:
     """Yield the sections in their order; fields without text are left out."""
     head = (
-        ("Customer", ", ".join(text for text in (one.customer, one.customer_address) if text)),
-        ("Order", one.order),
-        *one.references,
-        *one.device,
-        ("Condition", one.condition),
-        ("Received", one.received),
-        ("Tested", one.tested),
-        ("Issued", one.issued),
-        ("Location", one.location),
-        ("Operator", one.operator),
+        (
+            "Customer",
+            ", ".join(
+                text for text in (certificate.customer, certificate.customer_address) if text
+            ),
+        ),
+        ("Order", certificate.order),
+        *certificate.references,
+        *certificate.device,
+        ("Condition", certificate.condition),
+        ("Received", certificate.received),
+        ("Tested", certificate.tested),
+        ("Issued", certificate.issued),
+        ("Location", certificate.location),
+        ("Operator", certificate.operator),
     )
     yield Section("Customer and device", (pairs(head),))
-    method = (("Method", one.method), ("Work instruction", one.work_instruction))
-    deviations = sentences(one.deviations or (NO_DEVIATION,))
+    method = (("Method", certificate.method), ("Work instruction", certificate.work_instruction))
+    deviations = sentences(certificate.deviations or (NO_DEVIATION,))
     yield Section("Method", (pairs(method), replace(deviations, title="Deviations")))
-    decided = any(row[6] != NOTHING for row in one.results)
-    yield Section("Results", tuple(result_blocks(one, decided=decided)))
-    if one.flags:
-        yield Section("What the reader must know", (sentences(messages(one.flags)),))
+    decided = any(row[6] != NOTHING for row in certificate.results)
+    yield Section("Results", tuple(result_blocks(certificate, decided=decided)))
+    if certificate.flags:
+        yield Section("What the reader must know", (sentences(messages(certificate.flags)),))
     columns = ("Source", "Quantity", "Smallest", "Mean", "Largest", "Unit")
-    if one.ambient:
-        yield Section("Conditions measured during the run", (grid(columns, one.ambient),))
-    yield Section("Traceability", tuple(traceability_blocks(one)))
-    hashes = grid(("File of the run", "SHA-256"), one.hashes)
-    yield Section("Raw data and software", (hashes, pairs(one.versions)))
+    if certificate.ambient:
+        yield Section("Conditions measured during the run", (grid(columns, certificate.ambient),))
+    yield Section("Traceability", tuple(traceability_blocks(certificate)))
+    hashes = grid(("File of the run", "SHA-256"), certificate.hashes)
+    yield Section("Raw data and software", (hashes, pairs(certificate.versions)))
     yield Section("Statements", (sentences((ONLY_ITEMS, REPRODUCTION)),))
-    signed = tuple((f"{name}, {function}", "") for name, function in one.signatories)
+    signed = tuple((f"{name}, {function}", "") for name, function in certificate.signatories)
     yield Section("Authorised by", (Block("signatures", rows=signed or (("", ""),)),))
 
 
-def result_blocks(one: Certificate, *, decided: bool) -> Iterator[Block]:
+def result_blocks(certificate: Certificate, *, decided: bool) -> Iterator[Block]:
     """Yield the table of results, with the decision where a limit was asked for."""
     columns = ["Quantity", "Axis", "Value", "U", "k", "Unit"]
     if decided:
         columns += ["Limit", "Decision"]
-    likely = any(row[8] for row in one.results)
+    likely = any(row[8] for row in certificate.results)
     if likely:
         columns.append("Probability of conformity")
     width = len(columns) if not likely else 9
@@ -240,23 +247,25 @@ def result_blocks(one: Certificate, *, decided: bool) -> Iterator[Block]:
         "distribution and the effective degrees of freedom (GUM, annex G). It has two significant "
         "digits, and the value is rounded to it."
     )
-    rows = [row[:width] for row in one.results]
+    rows = [row[:width] for row in certificate.results]
     if likely and not decided:
-        rows = [(*row[:6], row[8]) for row in one.results]
+        rows = [(*row[:6], row[8]) for row in certificate.results]
     yield grid(columns, rows, caption)
     if decided:
-        yield pairs((("Decision", one.verdict), ("Decision rule", one.decision_rule)))
+        yield pairs(
+            (("Decision", certificate.verdict), ("Decision rule", certificate.decision_rule))
+        )
     else:
         yield sentences(("No limit was asked for: this is no statement of conformity.",))
 
 
-def traceability_blocks(one: Certificate) -> Iterator[Block]:
+def traceability_blocks(certificate: Certificate) -> Iterator[Block]:
     """Yield the records that the results rest on, and what was used without being in a result."""
     columns = ("Instrument", "Model, serial number", "Certificate", "Date", "Due", "Calibrated by")
-    if one.traceability:
-        rows = [tuple(text or NOTHING for text in row) for row in one.traceability]
+    if certificate.traceability:
+        rows = [tuple(text or NOTHING for text in row) for row in certificate.traceability]
         caption = "The results are traceable through these certificates, and through no other."
         yield grid(columns, rows, caption)
-    if one.other_instruments:
-        used = ", ".join(one.other_instruments)
+    if certificate.other_instruments:
+        used = ", ".join(certificate.other_instruments)
         yield sentences((f"Used, but in no budget of a result: {used}.",))

@@ -64,13 +64,13 @@ def context_of_run(folder: RunFolder) -> tuple[ReportContext, Procedure]:
         prompts=tuple(prompt_rows(folder)),
         safe_state=tuple(
             SafeStateRow(
-                one["instrument"] + ("" if one.get("used", True) else ", not used"),
-                one["verified"],
-                one["read_back"],
-                one["took_s"],
+                outcome["instrument"] + ("" if outcome.get("used", True) else ", not used"),
+                outcome["verified"],
+                outcome["read_back"],
+                outcome["took_s"],
             )
             for event in folder.events_of("safe-state")
-            for one in rest_of(event)
+            for outcome in rest_of(event)
         ),
         assumptions=procedure.assumptions,
         versions=tuple(version_rows(facts)),
@@ -92,7 +92,7 @@ def prompt_rows(folder: RunFolder) -> Iterator[PromptRow]:
 
 def rest_of(event: Event) -> list[dict[str, Any]]:
     """Return how the instruments of a run came to rest, and how those outside it were read."""
-    used = [one for one in event.details["outcomes"] if one.get("used", True)]
+    used = [outcome for outcome in event.details["outcomes"] if outcome.get("used", True)]
     return [*used, *event.details.get("outside", ())]
 
 
@@ -112,7 +112,7 @@ def flat_rows(data: Mapping[str, Any], before: str = "") -> Iterator[Row]:
         if isinstance(value, Mapping):
             yield from flat_rows(value, f"{before}{name}.")
         elif isinstance(value, list | tuple):
-            yield f"{before}{name}", ", ".join(str(one) for one in value)
+            yield f"{before}{name}", ", ".join(str(part) for part in value)
         elif value is not None:
             yield f"{before}{name}", str(value)
 

@@ -58,8 +58,8 @@ class Sheet:
 
     def pictures(self) -> dict[str, bytes]:
         """Return the pictures by the name of their file, in their order."""
-        blocks = [one for part in self.sections for one in part.blocks if one.image]
-        return {f"picture-{number}.png": one.image for number, one in enumerate(blocks)}
+        blocks = [block for part in self.sections for block in part.blocks if block.image]
+        return {f"picture-{number}.png": block.image for number, block in enumerate(blocks)}
 
 
 def pairs(rows: Sequence[tuple[str, str]]) -> Block:

@@ -47,7 +47,9 @@ COLUMNS = (
 
 def published_by_key(document: ResultDocument) -> dict[tuple[str, str | None], dict[str, Any]]:
     """Return what the source document's own formula gave, by name and axis of the result."""
-    return {(one.name, one.axis): one.to_data() for one in document.published}
+    return {
+        (published.name, published.axis): published.to_data() for published in document.published
+    }
 
 
 def csv_of(document: ResultDocument) -> str:

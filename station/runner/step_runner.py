@@ -17,7 +17,7 @@ from station.control.signals import AbortSignals
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import Found, open_instruments, put_settings_back
+from station.instruments.opening import Identified, open_instruments, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
@@ -62,7 +62,7 @@ class StepRunner:
         self._session = session
         self._bench_file = bench_file
         self._trace = trace
-        self._found: dict[str, Found] = {}
+        self._found: dict[str, Identified] = {}
         needed = procedure.instruments(run.parameters)
         self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
         self._needed = {*needed, *(name for one in self._interlocks for name in one.instruments)}

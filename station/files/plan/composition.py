@@ -139,8 +139,8 @@ def override(document: Document, given: Sequence[str]) -> list[Fault]:
             seen[where] = number
             try:
                 read = _value(value, number, start, dotted(where))
-            except FaultList as found:
-                faults.extend(found.faults)
+            except FaultList as error:
+                faults.extend(error.faults)
                 continue
             fault = _way(document, where, number)
             if fault is None:
@@ -189,10 +189,10 @@ def _yaml_value(text: str, number: int, start: int, where: str) -> Document:
     shift = start - len(_KEY) - 1
     try:
         document = read_yaml_text(_KEY + text, Path(OPTION))
-    except FaultList as found:
+    except FaultList as error:
         raise FaultList(
             replace(fault, line=number, column=max(fault.column + shift, 1), where=where)
-            for fault in found.faults
+            for fault in error.faults
         ) from None
     value = document.data["value"]
     if isinstance(value, dict) or "\n" in text:
@@ -211,10 +211,10 @@ NAME = r"[A-Za-z_][A-Za-z0-9_-]*"
 def references(documents: Iterable[Document]) -> set[str]:
     """Return the names of the vars that the documents ask for, whoever gives them."""
     return {
-        found.group(1)
+        match.group(1)
         for document in documents
         for written in document.scalars.values()
-        if (found := REFERENCE.fullmatch(written))
+        if (match := REFERENCE.fullmatch(written))
     }
 
 
@@ -232,20 +232,20 @@ def fill_in(document: Document, used: set[str]) -> list[Fault]:
     for where, value in list(leaves(document.data)):
         if where[:1] == (VARS,) or not isinstance(value, str) or "${" not in value:
             continue
-        found = REFERENCE.fullmatch(value)
-        if found is None:
+        match = REFERENCE.fullmatch(value)
+        if match is None:
             what = (
                 f"'{value}' holds '${{' within a longer text; a var stands for a whole value: "
                 "put all of the text into the var"
             )
             faults.append(document.fault(where, what))
-        elif found.group(1) not in given:
-            name = found.group(1)
+        elif match.group(1) not in given:
+            name = match.group(1)
             hint = nearest(name, given)
             what = f"there is no var '{name}'" + ("" if hint else f"; there are {listed(given)}")
             faults.append(document.fault(where, what, hint and f"'${{{hint}}}'"))
         else:
-            _put(document, where, found.group(1))
+            _put(document, where, match.group(1))
     document.remove(VARS)
     return faults
 

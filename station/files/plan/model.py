@@ -302,7 +302,7 @@ def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[st
         faults.append(document.fault(("procedure",), *not_there("procedure", name, procedures)))
     # What could not be filled in is no fault of its own kind as well.
     known = {(fault.file, fault.line, fault.column) for fault in composition.faults}
-    faults = [one for one in faults if (one.file, one.line, one.column) not in known]
+    faults = [fault for fault in faults if (fault.file, fault.line, fault.column) not in known]
     faults += composition.faults
     if header is None or parameters is None or faults:
         raise FaultList(faults)

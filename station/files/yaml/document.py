@@ -174,8 +174,8 @@ def paths_below(value: Any, where: Where) -> Iterator[Where]:
         pairs = value.items()
     elif isinstance(value, list):
         pairs = enumerate(value)
-    for key, one in pairs:
-        yield from paths_below(one, (*where, key))
+    for key, inner in pairs:
+        yield from paths_below(inner, (*where, key))
 
 
 _NULL = re.compile(r"(?:~|null|Null|NULL|)")

@@ -267,9 +267,9 @@ def read_yaml(path: Path) -> Document:
 def read_yaml_text(text: str, path: Path) -> Document:
     """Read YAML from text as `read_yaml` does; `path` names it in faults."""
     file = str(path)
-    found = [Fault(file, line, column, "YAML", what) for line, column, what in lookalikes(text)]
-    if found:
-        raise FaultList(found)
+    alike = [Fault(file, line, column, "YAML", what) for line, column, what in lookalikes(text)]
+    if alike:
+        raise FaultList(alike)
     try:
         node, refused = _composed(text, file)
     except yaml.MarkedYAMLError as error:

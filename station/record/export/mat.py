@@ -110,11 +110,11 @@ def unit_struct(recording: Recording, blocks: list[dict[str, NDArray[Any]]]) -> 
     return {
         "unit_of_work": recording.unit,
         "finished": np.bool_(recording.finished),
-        "units": {name: one.unit for name, one in zip(valid, columns, strict=True)},
-        "long_names": {name: one.meaning for name, one in zip(valid, columns, strict=True)},
+        "units": {name: column.unit for name, column in zip(valid, columns, strict=True)},
+        "long_names": {name: column.meaning for name, column in zip(valid, columns, strict=True)},
         **{
-            name: np.concatenate([arrays[one.name] for arrays in blocks])
-            for name, one in zip(valid, columns, strict=True)
+            name: np.concatenate([arrays[column.name] for arrays in blocks])
+            for name, column in zip(valid, columns, strict=True)
         },
     }
 
@@ -141,16 +141,16 @@ def valid_names(names: Iterable[str]) -> list[str]:
 
     A letter, then letters, digits and underscores, 63 at most, and no keyword.
     """
-    found: list[str] = []
+    chosen: list[str] = []
     for name in names:
         valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
         if not re.match(r"[A-Za-z]", valid) or valid in KEYWORDS:
             valid = f"x{valid}"
         valid = candidate = valid[:LONGEST_NAME]
         number = 1
-        while candidate in found:
+        while candidate in chosen:
             number += 1
             ending = f"_{number}"
             candidate = valid[: LONGEST_NAME - len(ending)] + ending
-        found.append(candidate)
-    return found
+        chosen.append(candidate)
+    return chosen

@@ -94,7 +94,7 @@ class Recording:
     @property
     def columns(self) -> tuple[Column, ...]:
         """All columns: as recorded, then the counted times."""
-        return (*self.recorded, *(one.column for one in self.counted))
+        return (*self.recorded, *(counter.column for counter in self.counted))
 
     @property
     def state(self) -> str:
@@ -104,7 +104,7 @@ class Recording:
     @property
     def counters(self) -> set[str]:
         """Names of the columns that count intervals."""
-        return {one.counter for one in self.counted}
+        return {counter.counter for counter in self.counted}
 
     @property
     def axes(self) -> tuple[Column, ...]:
@@ -124,7 +124,7 @@ class Recording:
     def arrays(self, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the next rows by column name, each of shape (rows,); call it in their order."""
         given = {column.name: np.ascontiguousarray(rows[column.name]) for column in self.recorded}
-        return {**given, **{one.column.name: one.times_s(rows) for one in self.counted}}
+        return {**given, **{counter.column.name: counter.times_s(rows) for counter in self.counted}}
 
 
 def sources(folder: RunFolder) -> list[str]:
@@ -138,7 +138,7 @@ def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[Recording, NDArr
     Damaged blocks are passed over; a unit that the folder leaves out counts as unfinished. Of a
     unit that a resumed run measured again, only the segment that finished it is given.
     """
-    finished = {one.details["unit"]: one.details for one in folder.events_of("unit-finished")}
+    finished = {event.details["unit"]: event.details for event in folder.events_of("unit-finished")}
     known: dict[str, Recording] = {}
     for path in (file for file in raw_files(folder.path) if source_of(file.name) == source):
         for unit, described, rows in read_blocks(path):
@@ -160,9 +160,9 @@ def recording(
         Column(name, unit_of(described.get(name, "")), described.get(name, name)) for name in names
     )
     counted = tuple(
-        CountedTime(column.name, float(found[1]))
+        CountedTime(column.name, float(match[1]))
         for column in columns
-        if rows[column.name].dtype.kind in "ui" and (found := INTERVAL.search(column.meaning))
+        if rows[column.name].dtype.kind in "ui" and (match := INTERVAL.search(column.meaning))
     )
     return Recording(source, unit, finished, columns, counted)
 

@@ -264,8 +264,8 @@ def opened(address: str, locks: InstrumentLocks) -> Probe:
     shipped = read_bench(find("benches", "sim"), registry.names(registry.DRIVERS))
     name = "coil_supply.x"
     probe = open_one(name, shipped, {name: address}, RealClock(), locks=locks)
-    if probe.found is not None:
-        probe.found.instrument.close()
+    if probe.identified is not None:
+        probe.identified.instrument.close()
     return probe
 
 

@@ -103,10 +103,10 @@ def test_one_byte_of_an_answer_is_found_by_the_manifest(rlg: Path, tmp_path: Pat
     assert deviations.altered == [
         "gaussmeter: trace/gaussmeter.txt was changed since it was recorded"
     ]
-    assert deviations.found, "another serial number answers, and the run goes no further"
+    assert deviations.differences, "another serial number answers, and the run goes no further"
     lines = deviations.lines()
     assert len(lines) <= MOST_SHOWN + 3
-    assert lines[-1].endswith(f"{len(deviations.found)} deviations")
+    assert lines[-1].endswith(f"{len(deviations.differences)} deviations")
 
 
 def test_a_run_that_was_killed_replays_to_where_its_transcript_ends(
