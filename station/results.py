@@ -98,9 +98,9 @@ class ResultDocument:
 
     def result(self, name: str, axis: str | None = None) -> Result:
         """Return one result; KeyError where there is none of that name and axis."""
-        for one in self.results:
-            if (one.estimate.name, one.estimate.axis) == (name, axis):
-                return one
+        for result in self.results:
+            if (result.estimate.name, result.estimate.axis) == (name, axis):
+                return result
         raise KeyError((name, axis))
 
     @property
@@ -139,7 +139,7 @@ def conclude(
             decision = Decision("inconclusive", WRONG_EXCITATION)
         band = (expanded or 0.0) if rule == "guarded" else 0.0
         results.append(Result(estimate, uncertainty, limit, decision, band))
-    there = {(one.name, one.axis) for one in findings.estimates}
+    there = {(estimate.name, estimate.axis) for estimate in findings.estimates}
     lacking = [key for key in limits if key not in there and _is_measured(key, measured or {})]
     verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]
     verdict = overall(verdicts)

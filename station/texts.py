@@ -40,4 +40,4 @@ def preferred(wishes: str) -> str:
             continue
         if name in languages() and rank > 0:
             ranked.append((rank, name))
-    return max(ranked, key=lambda one: one[0], default=(1.0, ENGLISH))[1]
+    return max(ranked, key=lambda pair: pair[0], default=(1.0, ENGLISH))[1]

@@ -151,11 +151,13 @@ def covariance_of(
     if type_a is None:
         return None
     determined = {
-        (one.name, one.axis): one for one in estimates if one.standard_uncertainty is not None
+        (estimate.name, estimate.axis): estimate
+        for estimate in estimates
+        if estimate.standard_uncertainty is not None
     }
     places = [n for n, key in enumerate(type_a.keys) if key in determined]
     keys = tuple(type_a.keys[n] for n in places)
-    u = {one.name: one.standard_uncertainty for one in inputs}
+    u = {input.name: input.standard_uncertainty for input in inputs}
 
     def shared(a: Estimate, b: Estimate) -> float:
         return sum(

@@ -164,7 +164,7 @@ def can_address(address: str) -> CanAddress:
         )
     if not channel:
         raise ValueError(f"no channel is named; write can://{name}/CHANNEL")
-    known = [one for one in model.model_fields if one != "channel"]
+    known = [name for name in model.model_fields if name != "channel"]
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
     except ValueError:

@@ -133,7 +133,9 @@ class Role:
     @cached_property
     def attributes(self) -> tuple[str, ...]:
         """The attributes that the Protocol and those before it declare."""
-        named = (getattr(one, "__annotations__", {}) for one in reversed(self.protocol.__mro__))
+        named = (
+            getattr(class_, "__annotations__", {}) for class_ in reversed(self.protocol.__mro__)
+        )
         return tuple(
             dict.fromkeys(name for names in named for name in names if not name.startswith("_"))
         )
@@ -166,20 +168,20 @@ def collected() -> tuple[Mapping[str, Role], tuple[str, ...]]:
 
     An entry of the group `station.roles` is a Role, or a module with `ROLES`.
     """
-    found: dict[str, Role] = {}
+    by_name: dict[str, Role] = {}
     left_out: list[str] = []
     for entry in sorted(registry.names(registry.ROLES), key=lambda name: name != BUILT_IN):
         reason = registry.why_not(registry.ROLES, entry)
         if reason is not None:
             left_out.append(reason)
             continue
-        for one in offered_by(entry):
-            reason = _why_refused(one, found)
+        for role in offered_by(entry):
+            reason = _why_refused(role, by_name)
             if reason is not None:
                 left_out.append(f"the role '{entry}' is left out: {reason}")
                 continue
-            found[one.name] = one
-    return found, tuple(left_out)
+            by_name[role.name] = role
+    return by_name, tuple(left_out)
 
 
 def offered_by(entry: str) -> tuple[Any, ...]:
@@ -223,22 +225,26 @@ def role_of(instance: str) -> str:
 
 def safe_states() -> Mapping[str, SafeState]:
     """Return by role how an instrument is made safe, in the order of their ranks."""
-    found = {name: one.safe_state for name, one in roles().items() if one.safe_state is not None}
-    return dict(sorted(found.items(), key=lambda item: item[1].rank))
+    states = {
+        name: declared.safe_state
+        for name, declared in roles().items()
+        if declared.safe_state is not None
+    }
+    return dict(sorted(states.items(), key=lambda item: item[1].rank))
 
 
 def instances() -> tuple[str, ...]:
     """Return the names of all instruments that a bench file may have."""
-    return tuple(name for one in roles().values() for name in one.instances)
+    return tuple(name for declared in roles().values() for name in declared.instances)
 
 
 def limits() -> Mapping[str, Limit]:
     """Return the limits that a bench file may give, by name; the first role says what one means."""
-    found: dict[str, Limit] = {}
-    for one in roles().values():
-        for name, limit in one.limits.items():
-            found.setdefault(name, limit)
-    return found
+    by_name: dict[str, Limit] = {}
+    for declared in roles().values():
+        for name, limit in declared.limits.items():
+            by_name.setdefault(name, limit)
+    return by_name
 
 
 def quantities_of(instance: str) -> Mapping[str, Quantity]:
@@ -265,4 +271,4 @@ def roles_of(driver: type) -> list[str]:
     """
     if hasattr(driver, "roles"):
         return list(driver.roles)
-    return [name for name, one in roles().items() if not list(one.missing_verbs(driver))]
+    return [name for name, declared in roles().items() if not list(declared.missing_verbs(driver))]

@@ -74,10 +74,10 @@ class DryRun:
         """Return the walk as plain data; a set-point holds what concerns it only."""
         return {
             "steps": [
-                {**vars(one), "set_points": [given(point) for point in one.set_points]}
-                for one in self.steps
+                {**vars(step), "set_points": [given(point) for point in step.set_points]}
+                for step in self.steps
             ],
-            "extremes": [vars(one) for one in self.extremes],
+            "extremes": [vars(extreme) for extreme in self.extremes],
             "expected_s": self.expected_s,
             "speed": self.speed,
             "estimated_end_utc": self.ends_utc and self.ends_utc.isoformat(timespec="seconds"),
@@ -116,9 +116,9 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
         disk=disk,
         memory=memory,
         warnings=(
-            *(one.sentence for one in warned_of_memory(memory)),
-            *(one.sentence for one in warned_of_limits(plan, procedure)),
-            *(one.sentence for one in warned_of_records(plan, procedure, bench)),
+            *(warning.sentence for warning in warned_of_memory(memory)),
+            *(warning.sentence for warning in warned_of_limits(plan, procedure)),
+            *(warning.sentence for warning in warned_of_records(plan, procedure, bench)),
             *warnings(disk, output, starts_s, real=is_real(bench, served)),
         ),
     )
@@ -137,8 +137,8 @@ def warnings(disk: Disk, output: Path, expected_s: float, *, real: bool) -> Iter
     if disk.too_small:
         yield disk.sentence()
     synchronised = system_clock_synchronised()
-    for one in warned_of_clock(expected_s, real=real, synchronised=synchronised):
-        yield one.sentence
+    for warning in warned_of_clock(expected_s, real=real, synchronised=synchronised):
+        yield warning.sentence
 
 
 def ends_utc(expected_s: float, speed: float | None) -> datetime | None:
@@ -163,7 +163,9 @@ def extremes(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
 
 def largest(points: Sequence[SetPoint], quantity: str, name: str, unit: str) -> Iterator[Extreme]:
     """Yield the set-point that is largest in magnitude, where any concerns the quantity."""
-    sized = [(abs(getattr(one, name)), one) for one in points if getattr(one, name) is not None]
+    sized = [
+        (abs(getattr(point, name)), point) for point in points if getattr(point, name) is not None
+    ]
     if sized:
         value, point = max(sized, key=lambda pair: pair[0])
         yield Extreme("largest", quantity, value, unit, point.instrument)
@@ -172,7 +174,9 @@ def largest(points: Sequence[SetPoint], quantity: str, name: str, unit: str) -> 
 def temperatures(points: Sequence[SetPoint]) -> Iterator[Extreme]:
     """Yield the lowest and the highest temperature that is set."""
     set_degC = [
-        (one.temperature_degC, one.instrument) for one in points if one.temperature_degC is not None
+        (point.temperature_degC, point.instrument)
+        for point in points
+        if point.temperature_degC is not None
     ]
     if set_degC:
         yield Extreme("lowest", "temperature", min(set_degC)[0], "degC", min(set_degC)[1])

@@ -75,7 +75,7 @@ def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
             plan.decision_rule,
             bench_safe=not left_unverified(folder, bench),
             data_whole=not damage.parts and not missing,
-            calibrated=all(one.code not in NOT_STATED for one in of_records),
+            calibrated=all(flag.code not in NOT_STATED for flag in of_records),
             measured=procedure.measured_axes(plan.parameters),
         )
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
@@ -174,8 +174,8 @@ def flags_of_guardians(folder: RunFolder) -> Iterator[Flag]:
     replaced = len(list(folder.events_of("guardian-replaced")))
     if lost:
         listed = "; ".join(
-            f"{one.details['guardian']} {one.details['message']} at {one.details['at_s']:.0f} s"
-            for one in lost[:MOST_UNITS]
+            f"{words['guardian']} {words['message']} at {words['at_s']:.0f} s"
+            for words in (event.details for event in lost[:MOST_UNITS])
         )
         yield Flag(
             "guardian-lost",

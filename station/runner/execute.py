@@ -102,9 +102,9 @@ def execute(request: Request) -> Outcome:
             planned = what_is_planned(plan, procedure, clock)
             hashes = {**content_hashes(plan, bench), **hashes_of(inputs)}
             record.event(RUN_STARTED, **planned, sha256=hashes)
-            for one in warned:
-                progress.say(f"WARNING: {one.sentence}")
-                record.event(one.kind, message=one.sentence)
+            for warning in warned:
+                progress.say(f"WARNING: {warning.sentence}")
+                record.event(warning.kind, message=warning.sentence)
             record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
             run = Run(plan, bench, clock, record, progress, operator)
@@ -218,13 +218,13 @@ def inputs_of(procedure: Procedure, plan: Plan) -> dict[str, bytes]:
 
     Raises FaultList or InputError where one cannot be read.
     """
-    found = {}
+    contents = {}
     for place, path in procedure.inputs(plan.parameters).items():
         try:
-            found[place] = path.read_bytes()
+            contents[place] = path.read_bytes()
         except OSError as error:
             raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    return found
+    return contents
 
 
 def hashes_of(contents: Mapping[str, bytes]) -> dict[str, str]:

@@ -54,9 +54,9 @@ class LiveBoard:
         """
         now_s = self._clock.now()
         read: dict[str, dict[str, tuple[str, float]]] = {}
-        for (instrument, quantity), one in self._readings.board().items():
-            text = value_text(one.value, one.unit)
-            read.setdefault(instrument, {})[quantity] = text, one.time_s
+        for (instrument, quantity), reading in self._readings.board().items():
+            text = value_text(reading.value, reading.unit)
+            read.setdefault(instrument, {})[quantity] = text, reading.time_s
         for source, (row, time_s) in self._rows.copy().items():
             for name, text in columns_of(row).items():
                 read.setdefault(source, {})[name] = text, time_s
@@ -73,7 +73,7 @@ class LiveBoard:
                 }
                 for name in sorted({*commanded, *read})
             ],
-            "interlocks": [one._asdict() for one in self.interlocks()],
+            "interlocks": [interlock._asdict() for interlock in self.interlocks()],
             "now": self.now,
             "time_s": now_s,
         }
@@ -83,15 +83,15 @@ def columns_of(row: NDArray[Any]) -> dict[str, str]:
     """Return the quantities of a row of a record, by name, as texts with units."""
     from station.record.raw import ARRIVAL
 
-    found = {}
+    texts = {}
     for column in row.dtype.names or ():
         if column == ARRIVAL or column.endswith(NO_QUANTITY) or row.dtype[column].shape:
             continue
         named = NAME.fullmatch(column)
         quantity, unit = named.groups() if named else (column, "")
         if not math.isnan(value := float(row[column])):  # none in this row
-            found[quantity] = value_text(value, unit.replace("_per_", "/"))
-    return found
+            texts[quantity] = value_text(value, unit.replace("_per_", "/"))
+    return texts
 
 
 def value_text(value: float | str, unit: str) -> str:

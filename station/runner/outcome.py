@@ -58,10 +58,10 @@ class Outcome:
     @property
     def sentence(self) -> str:
         """Return in one line how the run ended, for somebody who is not there."""
-        unsafe = ", ".join(one.instrument for one in self.unsafe)
+        unsafe = ", ".join(reading.instrument for reading in self.unsafe)
         at_bench = f"NOT VERIFIED as safe: {unsafe}" if unsafe else "the bench is safe"
         verdict = f"verdict {self.document.verdict}" if self.document else "no results"
-        return "; ".join(one for one in (self.error, verdict, at_bench) if one)
+        return "; ".join(sentence for sentence in (self.error, verdict, at_bench) if sentence)
 
     @property
     def unsafe(self) -> list[SafeOutcome]:
@@ -94,5 +94,5 @@ def is_lack_of_memory(error: BaseException | None) -> bool:
         return True
     if isinstance(error, StationError | ClockError):
         return False
-    by_c = isinstance(error, FROM_C) and any(one in str(error) for one in WITHOUT_MEMORY)
+    by_c = isinstance(error, FROM_C) and any(sign in str(error) for sign in WITHOUT_MEMORY)
     return by_c or is_lack_of_memory(error.__cause__ or error.__context__)

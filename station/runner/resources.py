@@ -104,7 +104,7 @@ def in_bytes(count: int) -> str:
 def nearest_there(path: Path) -> Path:
     """Return the path, or the nearest one above it that exists."""
     whole = path.absolute()
-    return next(one for one in (whole, *whole.parents) if one.exists())
+    return next(folder for folder in (whole, *whole.parents) if folder.exists())
 
 
 PROGRAM_BYTES = 180_000_000

@@ -102,14 +102,18 @@ def resume(request: ResumeRequest) -> Outcome:
             detached=request.announce is not None,
         )
         past = past_of(folder, again=session.here)
-        asked = [one for one in all_prompts(procedure, plan, bench) if one.id not in past.answered]
+        asked = [
+            prompt
+            for prompt in all_prompts(procedure, plan, bench)
+            if prompt.id not in past.answered
+        ]
         operator.check([AS_BEFORE, *asked])
         record = RunRecord.go_on(folder.path, clock)
         outcome = Outcome(record.path)
         announce_folder(request.announce, record.path)
         expected_s = procedure.duration_s(plan.parameters)
         expected = procedure.expected_units(plan.parameters)
-        units = {one: s for one, s in expected.items() if one not in past.finished}
+        units = {unit: s for unit, s in expected.items() if unit not in past.finished}
         with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
             changed = software_changes(facts)
             record.event(
@@ -180,12 +184,12 @@ def refuse_another_bench(folder: RunFolder, recorded: Bench, bench: Bench) -> No
         if name not in bench.instruments:
             different.append(f"{name} is missing")
             continue
-        before, now = (vars(one.instruments[name]) for one in (recorded, bench))
+        before, now = (vars(file.instruments[name]) for file in (recorded, bench))
         keys = [key for key in SAME_INSTRUMENT if before.get(key) != now.get(key)]
         if keys:
             different.append(f"{name}: another {', another '.join(keys)}")
     if different:
-        listed = "".join(f"\n  - {one}" for one in dict.fromkeys(different))
+        listed = "".join(f"\n  - {difference}" for difference in dict.fromkeys(different))
         raise InputError(
             f"{bench.path} is not the bench this run began on; only addresses may differ:{listed}"
         )

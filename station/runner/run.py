@@ -220,17 +220,17 @@ class Run:
             self._hung_up = False
             self.record.note("terminal-closed")
         notes, dropped = self.readings.take_notes()
-        for one in notes:
+        for note in notes:
             self.record.note(
-                one.kind,
-                instrument=one.instrument,
-                noted_s=round(one.time_s, 6),
-                **one.details,
+                note.kind,
+                instrument=note.instrument,
+                noted_s=round(note.time_s, 6),
+                **note.details,
             )
-            sentence = SENTENCES.get(one.kind, one.kind)
-            if sentence and (one.instrument, one.kind) not in self._said:
-                self._said.add((one.instrument, one.kind))
-                self.progress.say(f"{one.instrument}: {sentence}")
+            sentence = SENTENCES.get(note.kind, note.kind)
+            if sentence and (note.instrument, note.kind) not in self._said:
+                self._said.add((note.instrument, note.kind))
+                self.progress.say(f"{note.instrument}: {sentence}")
         if dropped:
             self.record.note("notes-dropped", count=dropped)
 

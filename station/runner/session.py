@@ -33,7 +33,10 @@ def simulators_of(drivers: Iterable[str]) -> Mapping[str, Any]:
     Raises InputError where one cannot be loaded.
     """
     offered = {*registry.names(registry.SIMULATORS)} - {registry.SIMULATED_BENCH}
-    return {one: registry.load(registry.SIMULATORS, one) for one in sorted({*drivers} & offered)}
+    return {
+        driver: registry.load(registry.SIMULATORS, driver)
+        for driver in sorted({*drivers} & offered)
+    }
 
 
 def serve_bench(bench: Bench, clock: Clock, procedure: str) -> Any:
@@ -134,7 +137,7 @@ class BenchSession:
             self.addresses, self.act = dict(replay.addresses), replay.act
         elif served is not None:
             self.addresses = {
-                name: str(one["address"]) for name, one in served["instruments"].items()
+                name: str(entry["address"]) for name, entry in served["instruments"].items()
             }
             if served.get("procedure", procedure) != procedure:
                 raise InputError(
@@ -145,7 +148,9 @@ class BenchSession:
         elif self.here:
             self._simulation = serve_bench(bench, self.clock, procedure)
             instruments = self._simulation.instruments
-            self.addresses = {name: str(one["address"]) for name, one in instruments.items()}
+            self.addresses = {
+                name: str(instrument["address"]) for name, instrument in instruments.items()
+            }
             self.act = self._simulation.act
 
     @property

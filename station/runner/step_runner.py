@@ -65,7 +65,10 @@ class StepRunner:
         self._found: dict[str, Identified] = {}
         needed = procedure.instruments(run.parameters)
         self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
-        self._needed = {*needed, *(name for one in self._interlocks for name in one.instruments)}
+        self._needed = {
+            *needed,
+            *(name for interlock in self._interlocks for name in interlock.instruments),
+        }
         self._guardian: Guardian | None = None
         self._awake: StayingAwake | None = None
         self._monitor: Monitor | None = None
@@ -164,7 +167,7 @@ class StepRunner:
         if not outcome.left_unsafe:
             guardian.dismiss()
             return
-        names = ", ".join(one.instrument for one in outcome.left_unsafe)
+        names = ", ".join(reading.instrument for reading in outcome.left_unsafe)
         outcome.left_to = guardian.hand_over(f"the run could not verify as safe: {names}")
 
     def _guard(self) -> None:
@@ -200,9 +203,9 @@ class StepRunner:
             self._run.readings,
             None if self._session.here else self._locks,
         )
-        run.instruments = {name: one.instrument for name, one in self._found.items()}
-        for name, one in self._found.items():
-            run.record.event("identified", instrument=name, **vars(one.identity))
+        run.instruments = {name: identified.instrument for name, identified in self._found.items()}
+        for name, identified in self._found.items():
+            run.record.event("identified", instrument=name, **vars(identified.identity))
         if self._session.real:
             refuse_identified(self._bench_file, self._said(self._found))
         self._read_before()
@@ -212,10 +215,10 @@ class StepRunner:
         entries = self._run.bench.instruments
         said = {}
         for name in names:
-            for one in entries[name].shares or (name,):
-                identity = self._found[one].identity if one in self._found else None
+            for shared in entries[name].shares or (name,):
+                identity = self._found[shared].identity if shared in self._found else None
                 known = (identity.model, identity.serial) if identity else ("", "")
-                said[entries[one].address or ""] = known
+                said[entries[shared].address or ""] = known
         return said
 
     def _watch(self, signals: AbortSignals) -> None:
@@ -230,7 +233,7 @@ class StepRunner:
         self._run.live.interlocks = self._monitor.looks
         if self._guardian is not None:
             # What is reached over another's line has no rest of its own to be brought to.
-            names = [one for one in self._found if not self._run.bench.instruments[one].shares]
+            names = [name for name in self._found if not self._run.bench.instruments[name].shares]
             self._guardian.watch(names, self._locks)
         if self._awake is not None and (why := self._awake.refused()):
             self._run.record.event("sleep-allowed", message=f"the computer may go to sleep: {why}")
@@ -249,8 +252,8 @@ class StepRunner:
         used = read_used(run.instruments, run.clock)
         read = BenchReading(used, others.outside, others.left_out)
         run.record.event("bench-read", **read.to_data())
-        for one in others.left_out:
-            run.progress.say(f"WARNING: not read before the run: {one.said}")
+        for left in others.left_out:
+            run.progress.say(f"WARNING: not read before the run: {left.said}")
         read.refuse_energised()
 
     def _read_the_rest(self, outcome: Outcome) -> BenchReading:
@@ -279,9 +282,9 @@ class StepRunner:
     def _close(self) -> None:
         if self._monitor is not None:
             self._monitor.wait_until_stopped()
-        for one in self._found.values():
+        for identified in self._found.values():
             with suppress(Exception):  # a line that is gone keeps no other from being closed
-                one.instrument.close()
+                identified.instrument.close()
         if self._awake is not None:
             self._awake.end()
         if self._trace is not None:
@@ -337,7 +340,9 @@ class StepRunner:
             return
         if self._session.real:
             concerned = {
-                name for name, one in self._found.items() if isinstance(one.instrument, MadeSafe)
+                name
+                for name, identified in self._found.items()
+                if isinstance(identified.instrument, MadeSafe)
             }
             for interlock in self._interlocks:
                 if interlock.name == trip.name:

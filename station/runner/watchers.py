@@ -114,7 +114,7 @@ class Stillness:
         if looks == self._looks:
             return False
         if self._acting:
-            return all(one.name != SAFE_STATE for one in self._quiet)
+            return all(quiet.name != SAFE_STATE for quiet in self._quiet)
         return not self._quiet
 
     def _watch(self) -> None:
@@ -138,7 +138,7 @@ class Stillness:
             return
         if self._clock.interruption is None:  # what a person wished stays what ended the run
             self._clock.interrupt(StoodStill(f"{text}; look at its disk and its instruments"))
-        if not any(one.name.startswith(STEPS) for one in quiet):
+        if not any(thread.name.startswith(STEPS) for thread in quiet):
             self._ended.wait(REACTS_WITHIN_S)
         if not self._run_ends:
             self._acting = True
@@ -177,11 +177,13 @@ class Stillness:
                 outcomes = self._make_safe()
         finally:
             self._acting = False
-        unverified = [one for one in outcomes if not one.verified]
-        for one in unverified:
-            tell(f"NOT VERIFIED: {one.instrument} could not be proven safe ({one.read_back})")
+        unverified = [outcome for outcome in outcomes if not outcome.verified]
+        for outcome in unverified:
+            tell(
+                f"NOT VERIFIED: {outcome.instrument} could not be proven safe ({outcome.read_back})"
+            )
         if not unverified:
-            text = "; ".join(f"{one.instrument} {one.read_back}" for one in outcomes)
+            text = "; ".join(f"{outcome.instrument} {outcome.read_back}" for outcome in outcomes)
             tell(
                 "what the run uses was read back as safe, beside its steps: "
                 f"{text or 'nothing can harm'}"

@@ -90,7 +90,7 @@ def addresses_in(bench: Path) -> list[str]:
         if data.get("simulation") is not None:
             return []
         entries = dict(data["instruments"]).values()
-        return [str(one["address"]) for one in entries if one.get("address")]
+        return [str(entry["address"]) for entry in entries if entry.get("address")]
     except (FaultList, OSError, LookupError, TypeError, ValueError, AttributeError):
         return []
 
@@ -148,7 +148,7 @@ def keys_of(instruments: Mapping[str, tuple[str, str]]) -> Iterator[str]:
 
 def trip_in(text: str | None, where: Path) -> Trip:
     """Return the trip of a note; one that cannot be read is still a note."""
-    names = [one.name for one in fields(Trip)]
+    names = [field.name for field in fields(Trip)]
     data = trip_notes.whole(text)
     if data is None or not set(names) <= set(data):
         return Trip("", "unknown", f"a trip whose note in {where} cannot be read", "", "")
@@ -158,13 +158,13 @@ def trip_in(text: str | None, where: Path) -> Trip:
 def notes_of_file(bench: Path) -> list[Path]:
     """Return what remembers a trip of this bench file, by whatever name it was run."""
     own = place_of(bench)
-    found = [own] if own.exists() else []
+    notes = [own] if own.exists() else []
     for other in sorted(own.parent.glob("*.json")) if own.parent.is_dir() else ():
         with suppress(OSError):
             named = trip_in(other.read_text(encoding="utf-8", errors="replace"), other).bench
             if other != own and named and bench.samefile(named):
-                found.append(other)
-    return found
+                notes.append(other)
+    return notes
 
 
 def read_note(note: Path) -> Trip:
@@ -177,7 +177,7 @@ def read_note(note: Path) -> Trip:
 
 def notes_of_instruments(addresses: Collection[str]) -> list[Note]:
     """Return the notes that nobody has acknowledged on what is at these addresses."""
-    return list(trip_notes.find(places(), [address_key(one) for one in addresses]))
+    return list(trip_notes.find(places(), [address_key(address) for address in addresses]))
 
 
 def unacknowledged(bench: Path, addresses: Collection[str] = ()) -> Trip | None:
@@ -229,7 +229,7 @@ def acknowledge(bench: Path, addresses: Collection[str] = ()) -> Trip | None:
     """
     files = notes_of_file(bench)
     notes = notes_of_instruments(addresses)
-    trips = [*map(read_note, files), *(trip_in(one.text, one.place) for one in notes)]
+    trips = [*map(read_note, files), *(trip_in(note.text, note.place) for note in notes)]
     if not trips:
         return None
     lines = [acknowledgement(trip) for trip in dict.fromkeys(trips)]
@@ -238,7 +238,7 @@ def acknowledge(bench: Path, addresses: Collection[str] = ()) -> Trip | None:
         history.writelines(f"{line}\n" for line in lines)
     for path in files:
         path.unlink(missing_ok=True)
-    for note in {one.trip: one for one in notes}.values():
+    for note in {note.trip: note for note in notes}.values():
         trip_notes.acknowledge(note, acknowledgement(trip_in(note.text, note.place)) + "\n")
     return trips[0]
 

@@ -44,7 +44,7 @@ def bound_faults(document: Document) -> Iterator[Fault]:
             yield from _coil_faults(document, str(name), mapping(entry))
     yield from _address_faults(document, instruments)
     yield from _within_faults(document, instruments)
-    entries = [mapping(one) for one in listing(mapping(data).get("interlocks"))]
+    entries = [mapping(entry) for entry in listing(mapping(data).get("interlocks"))]
     for number, entry in enumerate(entries):
         where: Where = ("interlocks", number)
         yield from _time_faults(document, where, entry)
@@ -101,7 +101,7 @@ def _coil_faults(document: Document, name: str, entry: Mapping[str, Any]) -> Ite
 
 
 def _within_faults(document: Document, instruments: Mapping[str, Any]) -> Iterator[Fault]:
-    steps = [mapping(one) for one in listing(mapping(document.data).get("safe_state"))]
+    steps = [mapping(entry) for entry in listing(mapping(document.data).get("safe_state"))]
     timed: set[str] = set()
     for number, step in enumerate(steps):
         within_s = quantity(step, "within", "s")
@@ -174,8 +174,8 @@ def levels(when: Any, where: Where, only: tuple[str, ...]) -> Iterator[tuple[Whe
     """Yield each level with an upper limit in a condition, and its place; `only` these stacks."""
     for key, part in mapping(when).items():
         if key in only:
-            for number, one in enumerate(listing(part)):
-                yield from levels(one, (*where, key, number), only)
+            for number, item in enumerate(listing(part)):
+                yield from levels(item, (*where, key, number), only)
     condition = mapping(when)
     instrument, watched = str(condition.get("instrument")), str(condition.get("quantity"))
     if "above" in condition:

@@ -21,9 +21,9 @@ def remember_drift(
 ) -> None:
     """Keep a bench from being used, as a tripped interlock does, where a figure has drifted."""
     drifted = [
-        one.estimate.axis or ""
-        for one in (document.results if document else ())
-        if one.estimate.name == DRIFT and one.decision.verdict == "fail"
+        result.estimate.axis or ""
+        for result in (document.results if document else ())
+        if result.estimate.name == DRIFT and result.decision.verdict == "fail"
     ]
     if not drifted:
         return

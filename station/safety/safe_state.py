@@ -42,7 +42,11 @@ def not_off(instruments: Mapping[str, object]) -> str:
 
     Raises InstrumentError where one does not answer.
     """
-    read = [(n, one.read_safety()) for n, one in instruments.items() if isinstance(one, MadeSafe)]
+    read = [
+        (n, instrument.read_safety())
+        for n, instrument in instruments.items()
+        if isinstance(instrument, MadeSafe)
+    ]
     return "; ".join(f"{name}: {reading.read_back}" for name, reading in read if not reading.safe)
 
 

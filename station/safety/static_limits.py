@@ -30,19 +30,19 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
     Instruments that the bench lacks, what the procedure itself finds, and every limit of the bench
     that a set-point would exceed.
     """
-    found = [
+    problems = [
         Problem(("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs")
         for name in procedure.instruments(parameters)
         if name not in bench.instruments
     ]
     if not procedure.steps:
         what = "analyses imported data; it has no steps that a bench could do"
-        found.insert(0, Problem(("procedure",), f"{procedure.name} {what}"))
-    complete = not found
-    found += procedure.check(parameters, bench)
+        problems.insert(0, Problem(("procedure",), f"{procedure.name} {what}"))
+    complete = not problems
+    problems += procedure.check(parameters, bench)
     if complete:
-        found += beyond_limits(procedure.forecast(parameters, bench), bench)
-    yield from dict.fromkeys(found)
+        problems += beyond_limits(procedure.forecast(parameters, bench), bench)
+    yield from dict.fromkeys(problems)
 
 
 def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
@@ -61,7 +61,9 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
             if allowed is None:
                 continue
             if check.needs_resistance and resistance_ohm is None:
-                if check.limit == "heating" and any(one.current_A is not None for one in points):
+                if check.limit == "heating" and any(
+                    point.current_A is not None for point in points
+                ):
                     yield Problem(
                         where,
                         f"the heating of {name}'s coil cannot be held against its limit: give "

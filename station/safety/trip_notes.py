@@ -54,7 +54,7 @@ def address_key(address: str) -> str:
 def identity_key(model: str, serial: str) -> str | None:
     """Return the key of what an instrument says of itself; None where it says no serial number."""
     number = serial.strip().lower()
-    if not any(one in "123456789" for one in number):
+    if not any(digit in "123456789" for digit in number):
         return None
     return f"identity {model.strip().lower()} {number}"
 
@@ -75,7 +75,7 @@ def find(places: tuple[Path, ...], keys: list[str]) -> Iterator[Note]:
         try:
             with opened(place / FOLDER) as folder:
                 names = sorted(folder.names())
-                done = {one.removesuffix(ACKNOWLEDGED) for one in names if ACKNOWLEDGED in one}
+                done = {name.removesuffix(ACKNOWLEDGED) for name in names if ACKNOWLEDGED in name}
                 for name in names:
                     of, _, rest = name.partition("-")
                     trip, is_note, _ = rest.partition(".json")
@@ -155,7 +155,7 @@ class Folder:
     def names(self) -> list[str]:
         """Return the names of the files in it."""
         with os.scandir(self.path if self.descriptor is None else self.descriptor) as entries:
-            return [one.name for one in entries]
+            return [entry.name for entry in entries]
 
     def read(self, name: str) -> str | None:
         """Return a file's text; None where it is none that can be read."""

@@ -59,11 +59,11 @@ def plan_schema(built_in: bool = False) -> Schema:
     for name, procedure in procedures.items():
         parameters = model_schema(procedure.parameters)
         inside = {"parameters": parameters, "limits": limits_schema(procedure.results)}
-        partial = {key: or_var(without_required(one)) for key, one in inside.items()}
+        partial = {key: or_var(without_required(part)) for key, part in inside.items()}
         chosen = _chosen(name)
         rules.append({"if": chosen, "then": {"properties": partial}})
-        needed = {key: only_required(one) for key, one in inside.items()}
-        complete: Schema = {"properties": {key: one for key, one in needed.items() if one}}
+        needed = {key: only_required(part) for key, part in inside.items()}
+        complete: Schema = {"properties": {key: part for key, part in needed.items() if part}}
         if parameters.get("required"):
             complete["required"] = ["parameters"]
         rules.append({"if": {"allOf": [chosen, alone]}, "then": complete})
@@ -81,15 +81,19 @@ def bench_schema(built_in: bool = False) -> Schema:
     limits = entry["properties"]["limits"]["properties"]
     declared = {name for role in known for name in role.limits}
     entry["properties"]["limits"]["properties"] = {
-        name: one for name, one in limits.items() if name in declared
+        name: limit for name, limit in limits.items() if name in declared
     }
     entry["properties"]["driver"]["enum"] = list(_names(registry.DRIVERS, built_in))
     # Beside additionalProperties a pattern would take the place of the whole entry.
     needs = {f"^{role.name}(\\.|$)": _needed(role) for role in known}
-    instruments["allOf"] = [{"patternProperties": {key: one for key, one in needs.items() if one}}]
+    instruments["allOf"] = [
+        {"patternProperties": {key: need for key, need in needs.items() if need}}
+    ]
     offered = entry["properties"]["driver"]["enum"]
-    drivers = [(name, one) for name, one in registry.loaded(registry.DRIVERS) if name in offered]
-    entry["allOf"] = [one for name, driver in drivers for one in _settings_rules(name, driver)]
+    drivers = [
+        (name, driver) for name, driver in registry.loaded(registry.DRIVERS) if name in offered
+    ]
+    entry["allOf"] = [rule for name, driver in drivers for rule in _settings_rules(name, driver)]
     step = schema["properties"]["safe_state"]["items"]
     step["properties"]["instrument"] = {"enum": instances}
     step["properties"]["role"] = {"enum": [role.name for role in known]}
@@ -133,7 +137,9 @@ def _names(group: str, built_in: bool) -> Sequence[str]:
 
 def _procedures(built_in: bool) -> dict[str, Procedure]:
     names = _names(registry.PROCEDURES, built_in)
-    return {name: one for name, one in registry.loaded(registry.PROCEDURES) if name in names}
+    return {
+        name: procedure for name, procedure in registry.loaded(registry.PROCEDURES) if name in names
+    }
 
 
 def _roles(built_in: bool) -> list[Role]:
@@ -170,8 +176,8 @@ def _settings_rule(name: str, driver: type) -> Schema:
     model = settings_of(driver)
     settings = model_schema(model)
     filled = [settings_of_role(name) for name in roles_of(driver)]
-    common = [keys_of(one) for one in filled if one is not None]
-    keys = sorted({*keys_of(model), *(key for one in common for key in one)})
+    common = [keys_of(settings) for settings in filled if settings is not None]
+    keys = sorted({*keys_of(model), *(key for keys in common for key in keys)})
     rule: Schema = {
         "properties": {
             "settings": {"propertyNames": {"enum": keys}, "properties": settings["properties"]}

@@ -24,8 +24,8 @@ def model_schema(model: type[BaseModel]) -> Schema:
     """Return the schema of a model with everything in its place: no references, no titles."""
     raw = model.model_json_schema()
     definitions: dict[str, Schema] = raw.pop("$defs", {})
-    for found in dict.fromkeys(_models_in(model)):
-        _finish(found, raw if found is model else definitions[found.__name__])
+    for inner in dict.fromkeys(_models_in(model)):
+        _finish(inner, raw if inner is model else definitions[inner.__name__])
     schema: Schema = _plain(raw, definitions)
     return schema
 
@@ -48,7 +48,7 @@ def _finish(model: type[BaseModel], schema: Schema) -> None:
         if "default" in entry:
             if isinstance(default, BaseModel):
                 given = to_yaml_data(default)
-                entry["default"] = {key: one for key, one in given.items() if one is not None}
+                entry["default"] = {key: value for key, value in given.items() if value is not None}
             elif unit is not None and isinstance(default, float):
                 entry["default"] = unit.write(default)
             if entry["default"] in (None, {}, []):
@@ -89,28 +89,28 @@ def _annotations(annotation: Any) -> Iterator[Any]:
 def _plain(schema: Any, definitions: dict[str, Schema]) -> Any:
     """Return a schema with references written out and pydantic's titles left out."""
     if isinstance(schema, list):
-        return [_plain(one, definitions) for one in schema]
+        return [_plain(item, definitions) for item in schema]
     if not isinstance(schema, dict):
         return schema
     if "$ref" in schema:
         beside = {key: value for key, value in schema.items() if key != "$ref"}
         name = schema["$ref"].rpartition("/")[2]
         return _plain({**definitions[name], **beside}, definitions)
-    found: Schema = {}
+    plain: Schema = {}
     for key, value in schema.items():
         if key == "title" and isinstance(value, str):
             continue
         if key == "properties":
-            found[key] = {name: _plain(one, definitions) for name, one in value.items()}
+            plain[key] = {name: _plain(inner, definitions) for name, inner in value.items()}
         elif key == "description":
-            found[key] = " ".join(value.split())
+            plain[key] = " ".join(value.split())
         elif key in ("default", "enum", "const"):
-            found[key] = value
+            plain[key] = value
         else:
-            found[key] = _plain(value, definitions)
-    if "prefixItems" in found:
-        found["items"] = found.pop("prefixItems")
-    return found
+            plain[key] = _plain(value, definitions)
+    if "prefixItems" in plain:
+        plain["items"] = plain.pop("prefixItems")
+    return plain
 
 
 VAR = {"$ref": "#/definitions/var"}
@@ -133,22 +133,22 @@ VARS: Schema = {
 def or_var(schema: Schema) -> Schema:
     """Return a schema that takes `${name}` in the place of every value that it holds."""
     if "anyOf" in schema:
-        branches = [or_var(one) for one in schema["anyOf"]]
-        flat = [one for branch in branches for one in branch.get("anyOf", [branch])]
-        distinct = [one for one in flat if one != VAR]
+        branches = [or_var(branch) for branch in schema["anyOf"]]
+        flat = [inner for branch in branches for inner in branch.get("anyOf", [branch])]
+        distinct = [branch for branch in flat if branch != VAR]
         return {**schema, "anyOf": [*distinct, VAR] if len(distinct) < len(flat) else flat}
-    found = dict(schema)
-    if "properties" in found:
-        found["properties"] = {name: or_var(one) for name, one in found["properties"].items()}
+    taking = dict(schema)
+    if "properties" in taking:
+        taking["properties"] = {name: or_var(inner) for name, inner in taking["properties"].items()}
     for inner in ("items", "additionalProperties"):
-        if isinstance(found.get(inner), dict):
-            found[inner] = or_var(found[inner])
-    if found.get("type") in ("object", "null"):
-        return found
-    if found.get("type") == "string" and not {"pattern", "enum", "const", "format"} & set(found):
-        return found
-    around: Schema = {key: found.pop(key) for key in ("description", "default") if key in found}
-    return {**around, "anyOf": [found, VAR]}
+        if isinstance(taking.get(inner), dict):
+            taking[inner] = or_var(taking[inner])
+    if taking.get("type") in ("object", "null"):
+        return taking
+    if taking.get("type") == "string" and not {"pattern", "enum", "const", "format"} & set(taking):
+        return taking
+    around: Schema = {key: taking.pop(key) for key in ("description", "default") if key in taking}
+    return {**around, "anyOf": [taking, VAR]}
 
 
 def without_required(schema: Schema) -> Schema:
@@ -156,36 +156,36 @@ def without_required(schema: Schema) -> Schema:
 
     An entry of a list lacks nothing: lists are replaced as a whole.
     """
-    found = {
+    partial = {
         key: value for key, value in schema.items() if key not in ("required", "minProperties")
     }
-    if "properties" in found:
-        found["properties"] = {
-            name: without_required(one) for name, one in found["properties"].items()
+    if "properties" in partial:
+        partial["properties"] = {
+            name: without_required(inner) for name, inner in partial["properties"].items()
         }
-    if "anyOf" in found:
-        found["anyOf"] = [without_required(one) for one in found["anyOf"]]
-    if isinstance(found.get("additionalProperties"), dict):
-        found["additionalProperties"] = without_required(found["additionalProperties"])
-    return found
+    if "anyOf" in partial:
+        partial["anyOf"] = [without_required(branch) for branch in partial["anyOf"]]
+    if isinstance(partial.get("additionalProperties"), dict):
+        partial["additionalProperties"] = without_required(partial["additionalProperties"])
+    return partial
 
 
 def only_required(schema: Schema) -> Schema:
     """Return what `without_required` takes out; an empty mapping when that is nothing."""
-    found = {key: schema[key] for key in ("required", "minProperties") if schema.get(key)}
-    inner = {name: only_required(one) for name, one in schema.get("properties", {}).items()}
-    inner = {name: one for name, one in inner.items() if one}
+    required = {key: schema[key] for key in ("required", "minProperties") if schema.get(key)}
+    inner = {name: only_required(part) for name, part in schema.get("properties", {}).items()}
+    inner = {name: part for name, part in inner.items() if part}
     if inner:
-        found["properties"] = inner
-    branches = [only_required(one) for one in schema.get("anyOf", ())]
-    if len([one for one in schema.get("anyOf", ()) if one.get("type") == "object"]) == 1:
+        required["properties"] = inner
+    branches = [only_required(branch) for branch in schema.get("anyOf", ())]
+    if len([branch for branch in schema.get("anyOf", ()) if branch.get("type") == "object"]) == 1:
         # `required` binds mappings only, so it may stand beside the other branch, null.
-        found.update(next((one for one in branches if one), {}))
+        required.update(next((branch for branch in branches if branch), {}))
     if isinstance(schema.get("additionalProperties"), dict):
         every = only_required(schema["additionalProperties"])
         if every:
-            found["additionalProperties"] = every
-    return found
+            required["additionalProperties"] = every
+    return required
 
 
 def limits_schema(results: Mapping[str, LimitedResult]) -> Schema:

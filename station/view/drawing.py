@@ -109,7 +109,7 @@ class Drawing:
         colour = COLOURS[state["state"]]
         dut = state["dut"] or {}
         now = f"{picture.time_of_day:%H:%M:%S}"
-        what = " ".join(str(one) for one in (dut.get("model"), dut.get("serial")) if one)
+        what = " ".join(str(part) for part in (dut.get("model"), dut.get("serial")) if part)
         table = Table.grid(padding=(0, 2))
         table.add_column(no_wrap=True)
         table.add_column(overflow="fold")
@@ -149,26 +149,26 @@ class Drawing:
 
     def _all_steps(self, picture: Picture, width: int) -> list[list[Line]]:
         steps = picture.state["steps"]
-        number_width = max((cell_len(one["number"]) for one in steps), default=0)
-        found = []
-        for one in steps:
+        number_width = max((cell_len(step["number"]) for step in steps), default=0)
+        lines = []
+        for step in steps:
             table = Table.grid(padding=(0, 1))
             table.add_column(width=1)
             table.add_column(width=max(map(len, STEP_COLOURS)))
             table.add_column(width=number_width)
             table.add_column(overflow="fold")
-            colour = STEP_COLOURS[one["state"]]
-            cells = (self._marks.step(one["state"]), one["state"], one["number"], one["title"])
+            colour = STEP_COLOURS[step["state"]]
+            cells = (self._marks.step(step["state"]), step["state"], step["number"], step["title"])
             table.add_row(*(Text(cell, colour) for cell in cells))
-            found.append(self._lines(table, width))
-        return found
+            lines.append(self._lines(table, width))
+        return lines
 
     def _steps(self, picture: Picture, width: int, room: int) -> list[Line]:
         """Return the steps around the present one, and how many there are before and after."""
         blocks = self._all_steps(picture, width)
-        states = [one["state"] for one in picture.state["steps"]]
+        states = [step["state"] for step in picture.state["steps"]]
         present = states.index("now") if "now" in states else last_index(states, "done")
-        first, end = window([len(one) for one in blocks], present, room)
+        first, end = window([len(block) for block in blocks], present, room)
         left_out = {"before": first, "after": len(blocks) - end}
         more = ", ".join(f"{count} {where}" for where, count in left_out.items() if count)
         rest = self._lines(Text(f"{self._marks.more} {more}", "dim"), width) if more else []
@@ -188,9 +188,10 @@ class Drawing:
 
     def _values(self, instruments: Sequence[dict[str, Any]], width: int, room: int) -> list[Line]:
         """Return a line for each instrument, two where it has much to show."""
-        name_width = max(cell_len(one["instrument"]) for one in instruments)
+        name_width = max(cell_len(instrument["instrument"]) for instrument in instruments)
         set_width = min(
-            max(cell_len(one["set"]) for one in instruments), (width - name_width - 4) * 2 // 5
+            max(cell_len(instrument["set"]) for instrument in instruments),
+            (width - name_width - 4) * 2 // 5,
         )
         read_width = width - name_width - max(set_width, len("set")) - 4
 
@@ -205,10 +206,14 @@ class Drawing:
         heading = line("instrument", "set", "read back", "bold")
         most = 2 if room > 2 * len(instruments) else 1
         blocks = [
-            line(one["instrument"], one["set"] or "-", read_words(one["read"], most * read_width))
-            for one in instruments
+            line(
+                instrument["instrument"],
+                instrument["set"] or "-",
+                read_words(instrument["read"], most * read_width),
+            )
+            for instrument in instruments
         ]
-        first, end = window([len(one) for one in blocks], 0, room - len(heading))
+        first, end = window([len(block) for block in blocks], 0, room - len(heading))
         left = len(blocks) - (end - first)
         after = self._lines(Text(f"{self._marks.more} {left} more", "dim"), width) if left else []
         return [*heading, *(line for block in blocks[first:end] for line in block), *after]
@@ -220,7 +225,7 @@ class Drawing:
         table.add_column(overflow="fold")
         name = "interlocks"
         for state in ("tripped", "waits", "clear"):
-            those = [one for one in interlocks if one["state"] == state]
+            those = [interlock for interlock in interlocks if interlock["state"] == state]
             if those:
                 named = state != "clear" or width != self._columns
                 which = ", ".join(map(lock_words, those)) if named else str(len(those))
@@ -245,7 +250,7 @@ def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
     safe = picture.state["safe"]
     if not safe:  # not made safe yet, or nothing that can harm
         return
-    wrong = [str(one["instrument"]) for one in safe if not one["verified"]]
+    wrong = [str(outcome["instrument"]) for outcome in safe if not outcome["verified"]]
     if wrong:
         yield Text(f"{marks.bad} NOT VERIFIED as safe: {', '.join(wrong)}", "bold red")
     else:
@@ -270,8 +275,10 @@ def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
 
     What there is no room for is counted.
     """
-    ordered = sorted(read, key=lambda one: not one["text"][-1:].isalpha() or " " not in one["text"])
-    parts = [f"{one['quantity']} {one['text']}{age_words(one['age_s'])}" for one in ordered]
+    ordered = sorted(
+        read, key=lambda entry: not entry["text"][-1:].isalpha() or " " not in entry["text"]
+    )
+    parts = [f"{entry['quantity']} {entry['text']}{age_words(entry['age_s'])}" for entry in ordered]
     for kept in range(len(parts), 0, -1):
         more = len(parts) - kept
         said = ", ".join(parts[:kept]) + (f", +{more}" if more else "")
@@ -285,23 +292,27 @@ def age_words(age_s: float) -> str:
     if age_s <= OLD_S:
         return ""
     units = (("h", 3600.0), ("min", 60.0), ("s", 1.0))
-    unit, size_s = next(one for one in units if age_s >= one[1])
+    unit, size_s = next(unit_size for unit_size in units if age_s >= unit_size[1])
     return f" ({age_s / size_s:.0f} {unit} ago)"
 
 
-def lock_words(one: dict[str, str]) -> str:
+def lock_words(interlock: dict[str, str]) -> str:
     """Return the name of an interlock, and what it says where it is not clear."""
-    return one["name"] if one["state"] == "clear" else f"{one['name']} ({one['said']})"
+    return (
+        interlock["name"]
+        if interlock["state"] == "clear"
+        else f"{interlock['name']} ({interlock['said']})"
+    )
 
 
 def beside(left: Sequence[Line], right: Sequence[Line], left_width: int) -> list[Line]:
     """Return two columns of lines as one; `left_width` is that of the left column."""
-    found = []
+    lines = []
     for n in range(max(len(left), len(right))):
         first = left[n] if n < len(left) else []
         blank = Segment(" " * (left_width - Segment.get_line_length(first) + GAP))
-        found.append([*first, blank, *right[n]] if n < len(right) else list(first))
-    return found
+        lines.append([*first, blank, *right[n]] if n < len(right) else list(first))
+    return lines
 
 
 def window(heights: Sequence[int], focus: int, room: int) -> tuple[int, int]:
@@ -329,4 +340,4 @@ def window(heights: Sequence[int], focus: int, room: int) -> tuple[int, int]:
 
 def last_index(states: Sequence[str], state: str) -> int:
     """Return where a state stands last; 0 where it does not."""
-    return max((n for n, one in enumerate(states) if one == state), default=0)
+    return max((n for n, other in enumerate(states) if other == state), default=0)

@@ -141,6 +141,6 @@ class Screen:
 
 def code(text: str) -> Control:
     """Return a code of the terminal that moves nothing."""
-    found = Control()
-    found.segment = Segment(text, None, [(ControlType.CARRIAGE_RETURN,)])
-    return found
+    control = Control()
+    control.segment = Segment(text, None, [(ControlType.CARRIAGE_RETURN,)])
+    return control

@@ -19,4 +19,4 @@ def sparkline(values: Sequence[float], width: int, levels: str) -> str:
     if high <= low:
         return levels[len(levels) // 2] * len(means)
     scale = (len(levels) - 1) / (high - low)
-    return "".join(levels[round((one - low) * scale)] for one in means)
+    return "".join(levels[round((mean - low) * scale)] for mean in means)

@@ -155,11 +155,11 @@ class Several(ABC):
         """Judge the parts; one that decides, else one that is unknown, else what all agree on."""
         judged = []
         for part in self.parts:
-            one = part.judge(reader)
-            if one.true is self.decides:
-                return one
-            judged.append(one)
-        unknown = [one for one in judged if one.true is None]
+            judgement = part.judge(reader)
+            if judgement.true is self.decides:
+                return judgement
+            judged.append(judgement)
+        unknown = [judgement for judgement in judged if judgement.true is None]
         return unknown[0] if unknown else self._agreed(judged)
 
     @abstractmethod
@@ -198,14 +198,14 @@ class Not:
 
     def judge(self, reader: ReadsQuantities) -> Judgement:
         """Turn the part's judgement over; unknown stays unknown."""
-        one = self.part.judge(reader)
-        turned = None if one.true is None else not one.true
-        limit = f"not {one.limit}" if one.limit else None
-        return Judgement(turned, one.said, one.value, limit)
+        judgement = self.part.judge(reader)
+        turned = None if judgement.true is None else not judgement.true
+        limit = f"not {judgement.limit}" if judgement.limit else None
+        return Judgement(turned, judgement.said, judgement.value, limit)
 
 
 def _joined(judged: Sequence[Judgement], word: str) -> str:
-    return f" {word} ".join(one.said for one in judged)
+    return f" {word} ".join(judgement.said for judgement in judged)
 
 
 YOUNGER = 0.99
@@ -259,7 +259,7 @@ class QuantityReader:
             if explain is not None:
                 with suppress(InstrumentError):  # the trip itself is reported all the same
                     said.append(str(explain(quantity)))
-        explained = ", ".join(one for one in said if one)
+        explained = ", ".join(sentence for sentence in said if sentence)
         return f" ({explained})" if explained else ""
 
 

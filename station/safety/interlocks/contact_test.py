@@ -33,10 +33,12 @@ class ContactTest:
         Raises InstrumentError where an instrument does not answer.
         """
         for name in sorted(interlock.instruments):
-            one = instruments.get(name)
-            if not isinstance(one, SeesContacts):
+            instrument = instruments.get(name)
+            if not isinstance(instrument, SeesContacts):
                 return f"{name} does not name its contacts"
-            others = [contact for contact in one.open_contacts() if contact != self.opens.get(name)]
+            others = [
+                contact for contact in instrument.open_contacts() if contact != self.opens.get(name)
+            ]
             if others:
                 return f"not under test: {', '.join(others)}"
         not_off = self.not_off()

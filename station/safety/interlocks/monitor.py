@@ -88,8 +88,8 @@ class Monitor:
         self._make_safe = make_safe
         self._now = QuantityReader(readings, instruments, clock, 0.0)
         self._watches = [
-            Watch(one, QuantityReader(readings, instruments, clock, one.period_s))
-            for one in interlocks
+            Watch(interlock, QuantityReader(readings, instruments, clock, interlock.period_s))
+            for interlock in interlocks
         ]
         self._energised = {
             name
@@ -132,15 +132,15 @@ class Monitor:
         tripped = self.trip.name if self.trip else None
         return [
             InterlockLook(
-                one.interlock.name,
+                watch.interlock.name,
                 "tripped"
-                if one.interlock.name == tripped
+                if watch.interlock.name == tripped
                 else "clear"
-                if one.since_s is None
+                if watch.since_s is None
                 else "waits",
-                one.said,
+                watch.said,
             )
-            for one in self._watches
+            for watch in self._watches
         ]
 
     @contextmanager
@@ -156,8 +156,8 @@ class Monitor:
         finally:
             self._test = None
         ended_s = self._clock.now()
-        contacts = [one for one in self._watches if one.interlock.on_contacts]
-        while any(one.looked_s <= ended_s for one in contacts):
+        contacts = [watch for watch in self._watches if watch.interlock.on_contacts]
+        while any(contact.looked_s <= ended_s for contact in contacts):
             self._clock.sleep(LOOKS_AGAIN_S)
             self.raise_trip()
 

@@ -102,15 +102,17 @@ def interlocks_of(
     entries: Iterable[InterlockEntry], instruments: Collection[str]
 ) -> tuple[Interlock, ...]:
     """Return the interlocks of a bench; its chain is one, whether it is written there or not."""
-    found = []
+    interlocks = []
     for entry in entries:
         when = condition_of(entry.when)
         period_s = entry.period_s or min(kind_of(*watched).period_s for watched in when.watched)
-        found.append(Interlock(entry.name, when, entry.grace_s, period_s))
-    if CHAIN in instruments and not any(CHAIN in one.instruments for one in found):
+        interlocks.append(Interlock(entry.name, when, entry.grace_s, period_s))
+    if CHAIN in instruments and not any(CHAIN in interlock.instruments for interlock in interlocks):
         period_s = kind_of(CHAIN, "chain").period_s
-        found.append(Interlock("interlock-chain", State(CHAIN, "chain", "open"), 0.0, period_s))
-    return tuple(found)
+        interlocks.append(
+            Interlock("interlock-chain", State(CHAIN, "chain", "open"), 0.0, period_s)
+        )
+    return tuple(interlocks)
 
 
 def watched_in_a_run(interlocks: Sequence[Interlock], used: Collection[str]) -> list[Interlock]:
@@ -119,7 +121,11 @@ def watched_in_a_run(interlocks: Sequence[Interlock], used: Collection[str]) -> 
     Those that look at an instrument of the run, and those of the chain; not one on, say, a coil
     supply that this plan leaves alone and that may not even be there.
     """
-    return [one for one in interlocks if CHAIN in one.instruments or one.instruments & set(used)]
+    return [
+        interlock
+        for interlock in interlocks
+        if CHAIN in interlock.instruments or interlock.instruments & set(used)
+    ]
 
 
 def condition_of(when: Mapping[str, Any]) -> Condition:
