@@ -179,8 +179,8 @@ def identify(run: Run) -> None:
     points = finished_points(folder.finished_units(), run.parameters.points)
     if not points:
         return
-    found = analyse(dataset_of_run(folder, run.parameters, run.bench))
-    for published in found.published:
+    analysis = analyse(dataset_of_run(folder, run.parameters, run.bench))
+    for published in analysis.published:
         if published.value is not None:
             run.record.event(
                 "published-value",
@@ -188,7 +188,7 @@ def identify(run: Run) -> None:
                 value=published.value,
                 unit=published.unit,
             )
-    km = {one.name: one for one in found.published}["Km"]
+    km = {published.name: published for published in analysis.published}["Km"]
     if km.value is not None:
         run.progress.say(f"    as published Km = {km.value:.5g} {km.unit}")
 

@@ -70,7 +70,7 @@ def analyse(
         frozen = frozen_temperature(dataset.temperature_degC)
         dataset = replace(dataset, temperature_degC=None) if frozen.any() else dataset
     usable, left_out = screen(dataset)
-    found = judge(
+    planned = judge(
         dataset.plane[usable],
         dataset.theta_commanded_deg[usable],
         dataset.field_commanded_T[usable],
@@ -78,9 +78,9 @@ def analyse(
     )
     solution: Solution | None = None
     rows = _rows(dataset, usable)
-    as_planned = found.rank > 0 and _as_planned(rows, found)
-    if as_planned and int(usable.sum()) > found.rank:
-        solution = solve_rows(rows, found.kept, settings)
+    as_planned = planned.rank > 0 and _as_planned(rows, planned)
+    if as_planned and int(usable.sum()) > planned.rank:
+        solution = solve_rows(rows, planned.kept, settings)
         if solution.degrees_of_freedom < FEWEST_LEFT:
             solution = None
     misread: list[Flag] = []
@@ -98,23 +98,25 @@ def analyse(
         left_out = tuple(
             sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
         )
-    measured = found
+    measured = planned
     if solution is not None and solution.shares is not None:
         largest_T = float(np.max(np.abs(rows.commanded_T))) or 1.0
-        measured = found.as_measured(solution.shares[: found.rank], largest_T)
+        measured = planned.as_measured(solution.shares[: planned.rank], largest_T)
     estimates = _estimates(measured, solution, rows.temperature_degC, settings)
-    path = _path(dataset, usable, found, settings)
+    path = _path(dataset, usable, planned, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
     flags = [*frozen_flags(frozen), *data_flags(dataset, left_out, settings)]
     counted = int(used.sum() if solution is not None else usable.sum())
-    flags += result_flags(found, estimates, drift, lag_one, counted, settings, as_planned, measured)
+    flags += result_flags(
+        planned, estimates, drift, lag_one, counted, settings, as_planned, measured
+    )
     if solution is not None and solution.jump is not None:
         off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
         flags.append(jump_flag(dataset, off, solution.jump))
     if solution is not None and KI_DRIFT in solution.names:
         flags.append(SCALE_DRIFT)
-    flags += [*misread, *moved_flags(found, measured)]
+    flags += [*misread, *moved_flags(planned, measured)]
     if solution is not None:
         flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
     if solution is not None and solution.cause is not None:
@@ -122,13 +124,13 @@ def analyse(
         distinguished = tells_history(dataset.field_commanded_T[usable])
         if solution.cause.code == "hysteresis" and not distinguished:
             flags.append(LIKE_HYSTERESIS)
-    count = found.rank if solution is not None else 0
+    count = planned.rank if solution is not None else 0
     return AccelerometerAnalysis(
         identifiability=measured,
         estimates=estimates,
         covariance=solution.covariance[:count, :count] if solution else np.zeros((0, 0)),
         published=published_values(path),
-        nuisances=_nuisances(solution, found.rank),
+        nuisances=_nuisances(solution, planned.rank),
         not_separable=solution.not_separable if solution else (),
         left_out=left_out,
         flags=tuple(flags),
@@ -158,9 +160,9 @@ def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
     )
 
 
-def _as_planned(rows: Rows, found: Identifiability) -> bool:
+def _as_planned(rows: Rows, planned: Identifiability) -> bool:
     """Whether measured angles and fields tell the columns apart that the commanded ones do."""
-    places = [COEFFICIENTS.index(name) for name in found.kept]
+    places = [COEFFICIENTS.index(name) for name in planned.kept]
     columns = model_columns(rows.accelerations(), rows.field_T)[:, places]
     size = np.linalg.norm(columns, axis=0)
     if len(columns) < len(places) or not bool(np.all(size > 0.0)):
@@ -170,7 +172,7 @@ def _as_planned(rows: Rows, found: Identifiability) -> bool:
 
 
 def _estimates(
-    found: Identifiability,
+    measured: Identifiability,
     solution: Solution | None,
     temperature_degC: Array | None,
     settings: AnalysisSettings,
@@ -185,14 +187,14 @@ def _estimates(
     if temperature_degC is not None and len(temperature_degC):
         at = {"conditions": {"temperature": f"{float(np.mean(temperature_degC)):.2f} degC"}}
     if solution is not None:
-        values = {name: float(solution.coefficients[j]) for j, name in enumerate(found.kept)}
+        values = {name: float(solution.coefficients[j]) for j, name in enumerate(measured.kept)}
         ki = values.get("Ki", ki)
     estimates = []
     for name in COEFFICIENTS:
         if solution is None or name not in values:
             estimates.append(undetermined(name, None, UNITS[name], METHOD))
             continue
-        place = found.kept.index(name)
+        place = measured.kept.index(name)
         estimates.append(
             Estimate(
                 name,
@@ -203,9 +205,9 @@ def _estimates(
                 float(solution.degrees_of_freedom),
                 METHOD,
                 _sensitivities(name, values)
-                | _by_graduation(found.terms[name], values)
+                | _by_graduation(measured.terms[name], values)
                 | _by_mounting(solution, place, ki),
-                {"terms": dict(found.terms[name]), **at},
+                {"terms": dict(measured.terms[name]), **at},
             )
         )
     return tuple(estimates)
@@ -217,15 +219,15 @@ def _sensitivities(name: str, values: dict[str, float]) -> dict[str, float]:
     A gaussmeter that reads B (1 + g) + o makes Km too small by the part g and moves Km by
     -2 Kmm o, K0 by -Km o, Ki by -Kim o; a voltmeter's gain is in every coefficient.
     """
-    found = {"voltage_gain": values[name]}
+    derivatives = {"voltage_gain": values[name]}
     if name in FIELD_POWER:
-        found["field_gain"] = -FIELD_POWER[name] * values[name]
+        derivatives["field_gain"] = -FIELD_POWER[name] * values[name]
     if name == "K0":
-        found["voltage_offset_V"] = 1.0
+        derivatives["voltage_offset_V"] = 1.0
     for higher, lower, factor in (("Km", "K0", 1), ("Kmm", "Km", 2), ("Kim", "Ki", 1)):
         if name == lower and higher in values:
-            found["field_offset_T"] = -factor * values[higher]
-    return found
+            derivatives["field_offset_T"] = -factor * values[higher]
+    return derivatives
 
 
 def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
@@ -237,8 +239,8 @@ def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> d
     sine, cosine = (
         ki * sum(terms.get(name, 0.0) for name in pair) for pair in (("Kio", "Kip"), ("Koo", "Kpp"))
     )
-    found = {"graduation_sine_rad": sine, "graduation_cosine_rad": cosine}
-    return {name: value for name, value in found.items() if value}
+    derivatives = {"graduation_sine_rad": sine, "graduation_cosine_rad": cosine}
+    return {name: value for name, value in derivatives.items() if value}
 
 
 def _by_mounting(solution: Solution, place: int, ki: float) -> dict[str, float]:
@@ -251,15 +253,18 @@ def _by_mounting(solution: Solution, place: int, ki: float) -> dict[str, float]:
 
 
 def _path(
-    dataset: AccelerometerDataset, usable: Mask, found: Identifiability, settings: AnalysisSettings
+    dataset: AccelerometerDataset,
+    usable: Mask,
+    planned: Identifiability,
+    settings: AnalysisSettings,
 ) -> Path | None:
     rows = np.flatnonzero(usable)
-    places = [COEFFICIENTS.index(name) for name in found.kept]
+    places = [COEFFICIENTS.index(name) for name in planned.kept]
     theta_rad = np.radians(dataset.theta_deg[rows])
     acceleration_g = accelerations(dataset.plane[rows], theta_rad, dataset.gravity_g)
     columns = model_columns(acceleration_g, dataset.field_T[rows])[:, places]
     return finite_memory_path(
-        columns, dataset.output_V[rows], found.kept, rows.astype(np.int64), settings.window
+        columns, dataset.output_V[rows], planned.kept, rows.astype(np.int64), settings.window
     )
 
 

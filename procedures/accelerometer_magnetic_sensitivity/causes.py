@@ -114,11 +114,11 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
             code,
             what,
             unit,
-            one.reshape(len(data), -1),
+            columns.reshape(len(data), -1),
             None,
             DEAR if DEARLY & set(what.split()) else 1,
         )
-        for code, what, unit, one in shapes
+        for code, what, unit, columns in shapes
     ]
 
 
@@ -129,7 +129,7 @@ def causes_to_try(
 
     Drift takes a step's place, so each is looked for with slow terms and without.
     """
-    found: dict[bytes, Cause] = {}
+    causes: dict[bytes, Cause] = {}
     kept = solved.solution.kept
     masks = (kept,) if kept.all() else (kept, np.ones_like(kept))
     slow = solved.slow.shape[1]
@@ -137,13 +137,13 @@ def causes_to_try(
     for columns in (solved.design, still)[: 1 + slow]:
         for inside in masks:
             rare = [
-                one
-                for one in _chances(columns, solved, rows, suspects, known, inside)
-                if one[0] < RARE
+                chance
+                for chance in _chances(columns, solved, rows, suspects, known, inside)
+                if chance[0] < RARE
             ]
-            for _, _, one in sorted(rare, key=lambda x: x[:2])[:MOST_TRIED]:
-                found.setdefault(one.columns.tobytes(), one)
-    return list(found.values())
+            for _, _, cause in sorted(rare, key=lambda x: x[:2])[:MOST_TRIED]:
+                causes.setdefault(cause.columns.tobytes(), cause)
+    return list(causes.values())
 
 
 def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]) -> Solved:
@@ -158,7 +158,9 @@ def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause
     chances = _chances(solved.design, solved, rows, suspects, known, kept)
     places = len(data)
     likely = [
-        one for chance, _, one in chances if chance * (places if one.places > 1 else 1) < DOUBTFUL
+        cause
+        for chance, _, cause in chances
+        if chance * (places if cause.places > 1 else 1) < DOUBTFUL
     ]
     if not likely:
         return solved
@@ -170,10 +172,10 @@ def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause
     )
     u = np.sqrt(np.diag(solution.covariance))
     moves = []
-    for one in likely:
-        both = np.column_stack((solved.design, one.columns))[kept]
+    for cause in likely:
+        both = np.column_stack((solved.design, cause.columns))[kept]
         moves.append((solve_by_qr(both, data[kept]).coefficients[:width] - plain) * units)
-    moved = max(moves, key=lambda one: float(np.max(np.abs(one / u))))
+    moved = max(moves, key=lambda move: float(np.max(np.abs(move / u))))
     covariance = solution.covariance + np.outer(moved, moved)
     return replace(solved, solution=replace(solution, covariance=covariance))
 
@@ -196,17 +198,17 @@ def _chances(
     fit = solve_by_qr(columns[inside], data[inside])
     left = (data - combine(columns, fit.coefficients)) * inside
     design = columns * inside[:, None]
-    tried = [_explained(one, design, left, inside) for one in known]
+    tried = [_explained(cause, design, left, inside) for cause in known]
     tried += _steps(suspects, design, left, inside, solved.acceleration_g[:, 0], rows.field_T)
     tried += _lines(rows.time_s, design, left, inside)
-    found = []
-    for gain, one in tried:
-        width = one.columns.shape[1]
+    chances = []
+    for gain, cause in tried:
+        width = cause.columns.shape[1]
         if width:
             rest = max(float(left @ left) - gain, 1e-300) / (free - width)
             chance = float(fdtrc(width, free - width, gain / width / rest))
-            found.append((chance, -gain, one))
-    return found
+            chances.append((chance, -gain, cause))
+    return chances
 
 
 def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[float, Cause]:
@@ -222,7 +224,7 @@ def _steps(
 ) -> list[tuple[float, Cause]]:
     """Return the best step of the output and of its gain, each of zero mean over the rows."""
     begins, _ = suspects.kinds(inside)
-    found = []
+    steps = []
     shapes = (
         ("output", "V", np.ones(len(left)), PLACE),
         ("gain", "V/g", input_g, DEAR),
@@ -233,8 +235,8 @@ def _steps(
         row = int(np.argmax(gains))
         after = (np.arange(len(left)) >= row).astype(np.float64)
         columns = (shape * (after - after.mean()))[:, None]
-        found.append((float(gains[row]), Cause("output-step", what, unit, columns, row, places)))
-    return found
+        steps.append((float(gains[row]), Cause("output-step", what, unit, columns, row, places)))
+    return steps
 
 
 def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tuple[float, Cause]]:

@@ -185,7 +185,7 @@ def _mounting(
     analysis: AccelerometerAnalysis, dataset: AccelerometerDataset
 ) -> Iterable[InputQuantity]:
     """Yield how the input axis leans, for what the rows do not tell apart from that."""
-    used = {name for one in analysis.estimates for name in one.sensitivities}
+    used = {name for estimate in analysis.estimates for name in estimate.sensitivities}
     stated = dataset.mounting_rad
     for name, where in LEANS.items():
         if name in used:

@@ -77,16 +77,16 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
 
 
 def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> Table:
-    found = analysis.identifiability
-    published = {one.name: one.value for one in analysis.published}
+    determined = analysis.identifiability
+    published = {entry.name: entry.value for entry in analysis.published}
     rows = []
     for name in COEFFICIENTS:
         result = document.result(name)
         value, spread = format_result(result)
-        terms = found.terms.get(name)
+        terms = determined.terms.get(name)
         stands = combination_text(terms) if terms else ""
         if not terms:
-            inside = [kept for kept, own in found.terms.items() if name in own]
+            inside = [kept for kept, own in determined.terms.items() if name in own]
             stands = f"in {', '.join(inside)}" if inside else "not excited"
         rows.append(
             [
@@ -101,7 +101,7 @@ def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> 
         )
     return Table(
         "Coefficients, and what is not identifiable",
-        " ".join(describe(found))
+        " ".join(describe(determined))
         + " U is the expanded uncertainty; the last column is the finite-memory solution."
         + _held_at(document),
         ["", "what is measured", "value", "U (95 %)", "unit", "limit", "finite memory"],
@@ -111,15 +111,17 @@ def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> 
 
 def _held_at(document: ResultDocument) -> str:
     """Return the sentence on the temperature that the coefficients hold at."""
-    at = next((one.estimate.holds_at for one in document.results if one.estimate.holds_at), "")
+    at = next(
+        (result.estimate.holds_at for result in document.results if result.estimate.holds_at), ""
+    )
     return f" All hold at {at}, the mean temperature of the rows." if at else ""
 
 
 def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:
     rows = []
-    for one in analysis.nuisances:
-        value, u = format_with_uncertainty(one.value, one.standard_uncertainty)
-        rows.append([one.name, value, u, one.unit])
+    for nuisance in analysis.nuisances:
+        value, u = format_with_uncertainty(nuisance.value, nuisance.standard_uncertainty)
+        rows.append([nuisance.name, value, u, nuisance.unit])
     note = (
         "Fitted beside the coefficients: encoder offset (common to all planes) and misalignment Ko "
         "and Kp wherever they are independent of the coefficients, temperature and drift where "
@@ -137,16 +139,16 @@ def _nuisances(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -
 
 def _left_out(analysis: AccelerometerAnalysis, dataset: AccelerometerDataset) -> Table:
     rows = []
-    for one in analysis.left_out:
-        left = float(analysis.residual_V[one.row])
+    for left_out in analysis.left_out:
+        left = float(analysis.residual_V[left_out.row])
         rows.append(
             [
-                str(one.row),
-                str(dataset.plane[one.row]),
-                f"{dataset.theta_deg[one.row]:.3f}",
-                f"{1e3 * dataset.field_T[one.row]:.3f}",
+                str(left_out.row),
+                str(dataset.plane[left_out.row]),
+                f"{dataset.theta_deg[left_out.row]:.3f}",
+                f"{1e3 * dataset.field_T[left_out.row]:.3f}",
                 format_number(1e6 * left, 3) if np.isfinite(left) else NOTHING,
-                one.reason,
+                left_out.reason,
             ]
         )
     return first_rows(

@@ -129,13 +129,13 @@ def column_scale(columns: Array) -> Array:
 def walk(columns: Array, data: Array, window: int) -> tuple[Array, FiniteMemory]:
     """Push all rows (n, k); return the estimates after each (n, k), NaN where there are none."""
     memory = FiniteMemory(column_scale(columns), window)
-    course = np.full(columns.shape, np.nan)
+    estimates = np.full(columns.shape, np.nan)
     for n in range(len(data)):
         memory.push(columns[n], float(data[n]))
         estimate = memory.estimate
         if estimate is not None:
-            course[n] = estimate
-    return course, memory
+            estimates[n] = estimate
+    return estimates, memory
 
 
 def finite_memory_path(
@@ -152,16 +152,16 @@ def finite_memory_path(
         return None
     sizes = [window] if window else [max(len(names), round(part * count)) for part in WINDOW_PARTS]
     for size in sizes:
-        course, memory = walk(columns, data, min(max(size, len(names)), count))
+        estimates, memory = walk(columns, data, min(max(size, len(names)), count))
         if not memory.lost:
             break
-    return _path(course, memory, names, rows)
+    return _path(estimates, memory, names, rows)
 
 
 def _path(
-    course: Array, memory: FiniteMemory, names: tuple[str, ...], rows: NDArray[np.int64]
+    estimates: Array, memory: FiniteMemory, names: tuple[str, ...], rows: NDArray[np.int64]
 ) -> Path:
-    return Path(names, rows, course, memory.window, memory.resolved)
+    return Path(names, rows, estimates, memory.window, memory.resolved)
 
 
 def published_values(path: Path | None) -> tuple[Published, ...]:

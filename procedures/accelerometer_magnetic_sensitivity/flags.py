@@ -53,17 +53,17 @@ def data_flags(
     yield from _pattern_flags(dataset, left_out)
     known = (STUCK, HELD, COPIED, SATURATED)
     rejected = [
-        one for one in left_out if not dataset.overloaded[one.row] and one.reason not in known
+        left for left in left_out if not dataset.overloaded[left.row] and left.reason not in known
     ]
     if rejected:
-        reasons = list(dict.fromkeys(one.reason for one in rejected))
-        shown = ", ".join(str(one.row) for one in rejected[:MOST_LISTED])
+        reasons = list(dict.fromkeys(left.reason for left in rejected))
+        shown = ", ".join(str(left.row) for left in rejected[:MOST_LISTED])
         more = " and more" if len(rejected) > MOST_LISTED else ""
         yield Flag(
             "outliers-rejected",
             f"{len(rejected)} of {len(dataset)} rows were left out ({'; '.join(reasons)}): "
             f"rows {shown}{more}, counted from 0.",
-            details={"count": len(rejected), "rows": [one.row for one in rejected]},
+            details={"count": len(rejected), "rows": [left.row for left in rejected]},
         )
     if dataset.evenly_timed and len(dataset) > 2:
         steps_s = np.diff(dataset.time_s)
@@ -72,14 +72,14 @@ def data_flags(
         gaps = replace(gaps_of(dataset.time_s, nominal_s, settings.gap), missing=missing)
         yield from gaps.flags("The rows have", nominal_s, "the solution does not mind")
     good = np.ones(len(dataset), dtype=bool)
-    good[[one.row for one in left_out]] = False
+    good[[left.row for left in left_out]] = False
     yield from _field_flags(dataset.field_commanded_T[good], dataset.field_T[good], settings)
 
 
 def _pattern_flags(dataset: AccelerometerDataset, left_out: Sequence[LeftOut]) -> Iterator[Flag]:
     """Yield the flags of readings that stand still, are copies, or stand at a limit."""
     still, held, copies, limit = (
-        [one.row for one in left_out if one.reason == reason]
+        [left.row for left in left_out if left.reason == reason]
         for reason in (STUCK, HELD, COPIED, SATURATED)
     )
     if still:
@@ -134,7 +134,7 @@ def _field_flags(commanded: Array, measured: Array, settings: AnalysisSettings) 
     share = change / (high - low or high)
     yield from excitation_flags("dc", "dc", {"dc": share}, (largest_T, "T"))
     levels = np.unique(commanded[driven])
-    off = np.array([float(np.median(measured[commanded == one] - one)) for one in levels])
+    off = np.array([float(np.median(measured[commanded == level] - level)) for level in levels])
     worst = int(np.argmax(np.abs(off)))
     part = float(off[worst]) / largest_T
     if abs(part) > settings.field_differs_from_commanded:
@@ -193,43 +193,43 @@ def residual_flags(solution: Solution, coarse_V: float) -> Iterator[Flag]:
             "range or a longer integration, and write all digits into the file.",
             details={"step_V": coarse_V},
         )
-    found, noise = solution.misfit, solution.uneven
-    if found is not None:
+    misfit, noise = solution.misfit, solution.uneven
+    if misfit is not None:
         yield Flag(
             "misfit",
-            f"The rows of the same {found.what} are off together, most in {found.largest} by "
-            f"{1e6 * found.size_V:+.3g} µV: the model does not follow the output there. The "
-            f"uncertainties are {found.ratio**0.5:.2g} times larger for it. Look at the encoder, "
+            f"The rows of the same {misfit.what} are off together, most in {misfit.largest} by "
+            f"{1e6 * misfit.size_V:+.3g} µV: the model does not follow the output there. The "
+            f"uncertainties are {misfit.ratio**0.5:.2g} times larger for it. Look at the encoder, "
             "the mounting, and what is not linear.",
-            details={"what": found.what, "at": found.largest, "size_V": found.size_V},
+            details={"what": misfit.what, "at": misfit.largest, "size_V": misfit.size_V},
         )
     if noise is not None:
-        sizes = ", ".join(f"{1e6 * one:.3g}" for one in noise.noise_V)
+        sizes = ", ".join(f"{1e6 * noise_V:.3g}" for noise_V in noise.noise_V)
         where = "the planes in alphabetic order" if noise.what == "plane" else "thirds of the rows"
         yield Flag(
             "uneven-noise",
             f"The noise is not even: {sizes} µV in {where}. Each row weighs by its own. Look for "
             "what disturbed the noisy part: a loose cable, a motor, a range of the voltmeter.",
-            details={"by": noise.what, "noise_V": [float(one) for one in noise.noise_V]},
+            details={"by": noise.what, "noise_V": [float(noise_V) for noise_V in noise.noise_V]},
         )
 
 
-def moved_flags(found: Identifiability, measured: Identifiability) -> Iterator[Flag]:
+def moved_flags(planned: Identifiability, measured: Identifiability) -> Iterator[Flag]:
     """Yield the flag of combinations that the measured field or angle moves from the commanded."""
-    moved = [name for name, own in measured.terms.items() if own != found.terms[name]]
+    moved = [name for name, own in measured.terms.items() if own != planned.terms[name]]
     if moved:
-        stand = ", ".join(combination_text(measured.terms[name], 6) for name in moved)
+        combinations = ", ".join(combination_text(measured.terms[name], 6) for name in moved)
         yield Flag(
             "field-differs-from-commanded",
             "The fields or angles that were measured are not those that were commanded, and move "
-            f"what {listed(moved)} stand{'s' if len(moved) == 1 else ''} for: {stand}. The terms "
-            "given are those of the measured ones.",
+            f"what {listed(moved)} stand{'s' if len(moved) == 1 else ''} for: {combinations}. The "
+            "terms given are those of the measured ones.",
             details={"coefficients": moved},
         )
 
 
 def result_flags(
-    found: Identifiability,
+    planned: Identifiability,
     estimates: Sequence[Estimate],
     drift_order: int,
     lag_one: float | None,
@@ -239,11 +239,11 @@ def result_flags(
     measured: Identifiability | None = None,
 ) -> Iterator[Flag]:
     """Yield the flags on the solution: what it cannot determine, drift, what the model leaves."""
-    undetermined = [one.name for one in estimates if one.value is None]
-    wanting = [n for n in COEFFICIENTS if n in found.not_alone or n in undetermined]
+    undetermined = [estimate.name for estimate in estimates if estimate.value is None]
+    wanting = [n for n in COEFFICIENTS if n in planned.not_alone or n in undetermined]
     if wanting:
-        why = " ".join(describe(measured or found))
-        if set(undetermined) - set(found.folded):
+        why = " ".join(describe(measured or planned))
+        if set(undetermined) - set(planned.folded):
             why = f"{rows} usable rows are too few."
             if not as_planned:
                 why = (
@@ -261,12 +261,12 @@ def result_flags(
     if lag_one is not None and lag_one > settings.too_stiff_beyond(rows):
         yield too_stiff(lag_one)
     weak = [
-        one.name
-        for one in estimates
-        if one.name in MAGNETIC
-        and one.value is not None
-        and one.standard_uncertainty is not None
-        and abs(one.value) < settings.not_significant * one.standard_uncertainty
+        estimate.name
+        for estimate in estimates
+        if estimate.name in MAGNETIC
+        and estimate.value is not None
+        and estimate.standard_uncertainty is not None
+        and abs(estimate.value) < settings.not_significant * estimate.standard_uncertainty
     ]
     if weak:
         yield Flag(

@@ -67,11 +67,11 @@ def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:
 
 def plan_angles(plane: NDArray[Any], theta_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the plan's angles, each plane's own; where the axis is vertical they mean nothing."""
-    found = theta_deg.copy()
+    nominal_deg = theta_deg.copy()
     for name in np.unique(plane):
         inside = plane == name
-        found[inside] = 0.0 if name == "level" else nominal_angles(theta_deg[inside])
-    return found
+        nominal_deg[inside] = 0.0 if name == "level" else nominal_angles(theta_deg[inside])
+    return nominal_deg
 
 
 def _even(time_s: NDArray[np.float64]) -> bool:
@@ -102,9 +102,9 @@ def nominal_angles(theta_deg: Array) -> Array:
     """
     for with_offset in (False, True):
         for parts in range(1, FINEST + 1):
-            found = _on_marks(theta_deg, 360.0 / parts, with_offset)
-            if found is not None:
-                return found
+            marks_deg = _on_marks(theta_deg, 360.0 / parts, with_offset)
+            if marks_deg is not None:
+                return marks_deg
     return theta_deg
 
 

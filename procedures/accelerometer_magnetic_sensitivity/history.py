@@ -28,10 +28,10 @@ def warmth(rows: Rows, constant: float) -> Array:
     square = (rows.field_T / (float(np.max(np.abs(rows.field_T))) or 1.0)) ** 2
     steps_s = np.diff(rows.time_s, prepend=rows.time_s[0])
     kept = np.exp(-steps_s / (constant * (float(np.median(steps_s)) or 1.0)))
-    found = np.full(len(square), float(np.mean(square)))
+    followed = np.full(len(square), float(np.mean(square)))
     for row in range(1, len(square)):
-        found[row] = square[row] + kept[row] * (found[row - 1] - square[row])
-    return np.asarray(found - np.mean(found))
+        followed[row] = square[row] + kept[row] * (followed[row - 1] - square[row])
+    return np.asarray(followed - np.mean(followed))
 
 
 def tells_history(commanded_T: Array) -> bool:

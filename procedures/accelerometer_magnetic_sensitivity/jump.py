@@ -80,9 +80,9 @@ class Suspects:
         count = len(self.order)
         if suspect < count:
             return np.asarray(np.arange(count) >= suspect)
-        found = np.zeros(count, dtype=bool)
-        found[np.split(self.order, self.begins[1:])[suspect - count]] = True
-        return found
+        at_angle = np.zeros(count, dtype=bool)
+        at_angle[np.split(self.order, self.begins[1:])[suspect - count]] = True
+        return at_angle
 
     def kinds(self, inside: Mask) -> tuple[Mask, Mask]:
         """Return which suspects begin at a row and which are an angle, where rows are `inside`."""
@@ -132,7 +132,7 @@ def find_jumps(
     gain, small_rad = small_jumps(suspects, still, slope * inside, residual)
     tried = np.radians(np.arange(-LARGEST_DEG, LARGEST_DEG + 0.5 * STEP_DEG, STEP_DEG))
     lowest, large_rad = _parabolas(tried, _table(suspects, columns_at, data, inside, tried))
-    found = []
+    jumps = []
     for kind in suspects.kinds(inside):
         polished = []
         for order, angle_rad in ((-gain, small_rad), (lowest, large_rad)):
@@ -147,8 +147,8 @@ def find_jumps(
                 polished.append((*_polish(squares, float(angle_rad[suspect])), int(suspect)))
         if polished:
             _, best_rad, suspect = min(polished)
-            found.append(Jump(suspects.rows(suspect), best_rad))
-    return found
+            jumps.append(Jump(suspects.rows(suspect), best_rad))
+    return jumps
 
 
 def _table(
@@ -172,14 +172,14 @@ def _table(
 
     first = scaled(nowhere)
     places = np.arange(first.shape[1])
-    found = []
+    squares = []
     for angle_rad in tried_rad:
         second = scaled(nowhere + angle_rad)
         change = second[:, :, None] * second[:, None, :] - first[:, :, None] * first[:, None, :]
         products = cross_products(first) + suspects.sums(change)
         products[:, places, places] += RIDGE
-        found.append(np.linalg.cholesky(products)[:, -1, -1] ** 2)
-    return np.asarray(found)
+        squares.append(np.linalg.cholesky(products)[:, -1, -1] ** 2)
+    return np.asarray(squares)
 
 
 def _parabolas(angles_rad: Array, table: Array) -> tuple[Array, Array]:
@@ -199,42 +199,42 @@ def _polish(squares: Callable[[float], float], angle_rad: float) -> tuple[float,
     """Return the smallest squares near an angle, and the angle."""
     for step_deg in FINER_DEG:
         near = angle_rad + np.radians(step_deg) * np.array([-1.0, 0.0, 1.0])
-        lowest, at = _parabolas(near, np.array([[squares(float(one))] for one in near]))
+        lowest, at = _parabolas(near, np.array([[squares(float(tried_rad))] for tried_rad in near]))
         angle_rad = float(at[0])
     return float(lowest[0]), angle_rad
 
 
 def may_be_off(solved: Solved, data: Array, suspects: Suspects, settings: AnalysisSettings) -> bool:
     """Return whether a jump might explain what a solution without one left, or its drift."""
-    found = solved.solution
-    if found.degrees_of_freedom <= PLACE + FEWEST_LEFT:
+    solution = solved.solution
+    if solution.degrees_of_freedom <= PLACE + FEWEST_LEFT:
         return False
-    values = dict(zip(found.names, found.coefficients, strict=True))
+    values = dict(zip(solution.names, solution.coefficients, strict=True))
     tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP)) > TILTED * abs(values["Ki"])
-    stiff = found.lag_one_correlation > settings.too_stiff_beyond(len(data))
-    if tilted or stiff or float(np.mean(~found.kept)) >= MANY_STRAYS:
+    stiff = solution.lag_one_correlation > settings.too_stiff_beyond(len(data))
+    if tilted or stiff or float(np.mean(~solution.kept)) >= MANY_STRAYS:
         return True
     # So that a few wild rows make no jump, each counts for no more than one at the threshold, and
     # for nothing where its angle is looked at by itself.
-    most_V = settings.outlier * found.noise_V
-    tamed = np.clip(found.residual_V, -most_V, most_V)
+    most_V = settings.outlier * solution.noise_V
+    tamed = np.clip(solution.residual_V, -most_V, most_V)
     gains = []
     for kind, residual in zip(
-        suspects.kinds(found.kept), (tamed, found.kept * found.residual_V), strict=True
+        suspects.kinds(solution.kept), (tamed, solution.kept * solution.residual_V), strict=True
     ):
         every = small_jumps(suspects, solved.design, solved.slope, residual)[0]
         gains.append(float(np.max(every, where=kind, initial=0.0)))
-    left = max(found.sum_of_squares - max(gains), 0.0) / (found.degrees_of_freedom - 1)
+    left = max(solution.sum_of_squares - max(gains), 0.0) / (solution.degrees_of_freedom - 1)
     if max(gains) >= PERHAPS**2 * left:
         return True
-    if found.drift_order >= HIGH_ORDER:
+    if solution.drift_order >= HIGH_ORDER:
         return True
-    if not found.drift_order:
+    if not solution.drift_order:
         return False
     fixed = solved.design[:, : solved.design.shape[1] - solved.slow.shape[1]]
-    fit = solve_by_qr(fixed[found.kept], data[found.kept])
-    residual = np.where(found.kept, data - combine(fixed, fit.coefficients), 0.0)
+    fit = solve_by_qr(fixed[solution.kept], data[solution.kept])
+    residual = np.where(solution.kept, data - combine(fixed, fit.coefficients), 0.0)
     gain = float(small_jumps(suspects, fixed, solved.slope, residual)[0].max())
-    squares = (found.sum_of_squares, max(fit.sum_of_squares - gain, 0.0))
-    prices = (found.price, found.price - solved.slow.shape[1] + 1)
+    squares = (solution.sum_of_squares, max(fit.sum_of_squares - gain, 0.0))
+    prices = (solution.price, solution.price - solved.slow.shape[1] + 1)
     return choose_by_information(squares, prices, len(data)) == 1

@@ -28,8 +28,8 @@ def with_signs(rows: Rows) -> Rows | None:
     left_V = _fitted(rows)[1]
     went = np.cumsum(np.diff(np.abs(commanded_T), prepend=0.0) > 0.0) % 2
     begins = (left_V, left_V * np.where(input_g < 0.0, -1.0, 1.0), 2.0 * went - 1.0)
-    tried = [_settled(rows, np.where(one < 0.0, -1.0, 1.0)) for one in begins]
-    return min(tried, key=lambda one: one[1])[0]
+    tried = [_settled(rows, np.where(begin < 0.0, -1.0, 1.0)) for begin in begins]
+    return min(tried, key=lambda settled: settled[1])[0]
 
 
 def _settled(rows: Rows, signs: Array) -> tuple[Rows, float]:

@@ -198,7 +198,7 @@ def read_output(run: Run, unit: str, doing: str) -> bool:
         if name == MULTIMETER:
             overloaded = bool(block.columns["overload"].any())
             if not overloaded:
-                readings_V = {float(one) for one in block.columns["voltage_V"]}
+                readings_V = {float(reading_V) for reading_V in block.columns["voltage_V"]}
                 run.state(Place).meters.output(name, unit, readings_V)
     return overloaded
 

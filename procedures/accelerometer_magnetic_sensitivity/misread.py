@@ -60,7 +60,7 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
         stated_V = _left(rows)
         tried = [(_left(other), how, details) for other, how, details in _readings(rows)]
         tried += [*_late(rows), *_from_a_row_on(rows)]
-        best_V, how, details = min(tried, key=lambda one: one[0])
+        best_V, how, details = min(tried, key=lambda attempt: attempt[0])
         if best_V < BETTER * stated_V:
             if "statement" in details:
                 unit_text = (

@@ -78,8 +78,8 @@ def _by_plane(plane: Names, first: Array, second: Array, level: float) -> Array:
 def model_columns(acceleration_g: Array, field: Array) -> Array:
     """Return the thirteen columns (n, 13), in the order of `COEFFICIENTS`, for a field (n,)."""
     i, o, p = acceleration_g.T
-    one = np.ones(len(field))
-    still = (one, i, i**2, i**3, i * o, i * p, o**2, p**2)
+    ones = np.ones(len(field))
+    still = (ones, i, i**2, i**3, i * o, i * p, o**2, p**2)
     magnetic = (field, field**2, i * field, o * field, p * field)
     return np.column_stack((*still, *magnetic))
 
@@ -188,20 +188,23 @@ def _tidy(value: float) -> float:
     return float(f"{value:.12g}")
 
 
-def describe(found: Identifiability) -> tuple[str, ...]:
+def describe(determined: Identifiability) -> tuple[str, ...]:
     """Return in sentences what a plan determines and what it does not, and why."""
-    together = [combination_text(own) for own in found.terms.values() if len(own) > 1]
+    together = [combination_text(own) for own in determined.terms.values() if len(own) > 1]
     sentences = [
-        f"{found.rank} of the thirteen combinations are determined.",
-        f"Alone: {listed(found.alone)}." if found.alone else "No coefficient is determined alone.",
+        f"{determined.rank} of the thirteen combinations are determined.",
+        f"Alone: {listed(determined.alone)}."
+        if determined.alone
+        else "No coefficient is determined alone.",
     ]
     if together:
         sentences.append(f"Only together: {listed(together)}.")
-    if found.unexcited:
+    if determined.unexcited:
         sentences.append(
-            f"Not at all: {listed(found.unexcited)}; their terms are zero, or the same, throughout."
+            f"Not at all: {listed(determined.unexcited)}; their terms are zero, or the same, "
+            "throughout."
         )
-    if {"K0", "Koo", "Kpp"} & set(found.not_alone) and found.rank:
+    if {"K0", "Koo", "Kpp"} & set(determined.not_alone) and determined.rank:
         sentences.append(
             "At rest the three accelerations always make 1 g (Ai² + Ao² + Ap² = 1): K0 and the "
             "square terms can never all be distinguished without a centrifuge."

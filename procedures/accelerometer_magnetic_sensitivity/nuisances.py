@@ -156,8 +156,8 @@ def chosen(
                 squares.append(float(rest @ rest))
                 counts.append(own.shape[1])
     best = models[choose_by_information(squares, counts, rows)]
-    found = sum(name.startswith("drift") for name in best)
-    return (*best, *drift[found : found + 1]) if found else best
+    drift_terms = sum(name.startswith("drift") for name in best)
+    return (*best, *drift[drift_terms : drift_terms + 1]) if drift_terms else best
 
 
 def has_warmed(terms: Candidates, kept: Mask) -> bool:
@@ -174,7 +174,7 @@ def folded(columns: Array, alignment: Array, taken: Sequence[int]) -> dict[str, 
     """
     both = np.column_stack((columns, alignment[:, list(taken)]))
     size = np.linalg.norm(both, axis=0)
-    found = {}
+    taken_up = {}
     for j, name in enumerate(MOUNTED):
         if j in taken or not alignment[:, j].any():
             continue
@@ -182,8 +182,8 @@ def folded(columns: Array, alignment: Array, taken: Sequence[int]) -> dict[str, 
         parts = np.where(np.abs(parts) > SMALL_PART * np.linalg.norm(alignment[:, j]), parts, 0.0)
         shares = (parts / size)[: columns.shape[1]]
         if shares.any():
-            found[name] = np.asarray(shares)
-    return found
+            taken_up[name] = np.asarray(shares)
+    return taken_up
 
 
 class TurnedModel:

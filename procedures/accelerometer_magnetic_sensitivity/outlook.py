@@ -64,26 +64,26 @@ def expected_uncertainty(
     in the solution; elsewhere the mounting of `MOUNTING_RAD` is added, as the analysis does. Drift
     and temperature are not known beforehand.
     """
-    found = judge(plane, theta_deg, field_T)
-    places = [COEFFICIENTS.index(name) for name in found.kept]
+    determined = judge(plane, theta_deg, field_T)
+    places = [COEFFICIENTS.index(name) for name in determined.kept]
     theta_rad = np.radians(theta_deg)
     acceleration_g = accelerations(plane, theta_rad)
     columns = model_columns(acceleration_g, field_T)[:, places]
     change = accelerations_by_angle(plane, theta_rad)
-    zero = change[:, 0] * float("Ki" in found.kept)
+    zero = change[:, 0] * float("Ki" in determined.kept)
     other = np.column_stack((zero, acceleration_g[:, 1], acceleration_g[:, 2]))
     taken = independent_of(columns, other, INDEPENDENT_PART)
     design = np.column_stack((columns, other[:, list(taken)]))
     if len(theta_deg) - design.shape[1] < FEWEST_LEFT:
-        return Expectation(found, dict.fromkeys(found.kept), (), angle_shows=False)
+        return Expectation(determined, dict.fromkeys(determined.kept), (), angle_shows=False)
     inverse = solve_by_qr(design, np.zeros(len(theta_deg))).inverse_normal
     leans = np.array(list(folded(columns, other, taken).values())).reshape(-1, len(places))
     by_mounting = MOUNTING_RAD * scale_factor_V_per_g * np.linalg.norm(leans, axis=0)
     size = np.hypot(noise_V * np.sqrt(np.diag(inverse))[: len(places)], by_mounting)
-    uncertainty = {name: float(size[j]) for j, name in enumerate(found.kept)}
-    mounted = tuple(name for j, name in enumerate(found.kept) if by_mounting[j])
+    uncertainty = {name: float(size[j]) for j, name in enumerate(determined.kept)}
+    mounted = tuple(name for j, name in enumerate(determined.kept) if by_mounting[j])
     shows = _angle_shows(design, plane, theta_deg, change[:, 0])
-    return Expectation(found, uncertainty, mounted, shows)
+    return Expectation(determined, uncertainty, mounted, shows)
 
 
 def _angle_shows(design: Array, plane: Names, theta_deg: Array, slope: Array) -> bool:
@@ -115,11 +115,11 @@ def expectation(parameters: AccelerometerParameters) -> Expectation:
 
 def undetermined(parameters: AccelerometerParameters) -> dict[str, str]:
     """Return each coefficient that a plan does not determine alone, and what it does instead."""
-    found = expectation(parameters).identifiability
+    determined = expectation(parameters).identifiability
     why: dict[str, str] = {}
-    for name in found.not_alone:
-        together = [combination_text(own) for own in found.terms.values() if name in own]
-        if name in found.kept:
+    for name in determined.not_alone:
+        together = [combination_text(own) for own in determined.terms.values() if name in own]
+        if name in determined.kept:
             why[name] = f"this plan determines only {together[0]}; the limit is held against that"
             continue
         what = f"not {name} alone, only {listed(together)}" if together else f"no {name} at all"
@@ -130,9 +130,9 @@ def undetermined(parameters: AccelerometerParameters) -> dict[str, str]:
 def outlook(parameters: AccelerometerParameters) -> tuple[str, ...]:
     """Return in lines what a plan determines, what it does not, and how well."""
     expected = expectation(parameters)
-    found = expected.identifiability
-    lines = [f"{len(parameters.points)} points. {' '.join(describe(found))}"]
-    for name, terms in found.terms.items():
+    determined = expected.identifiability
+    lines = [f"{len(parameters.points)} points. {' '.join(describe(determined))}"]
+    for name, terms in determined.terms.items():
         u = expected.standard_uncertainty[name]
         text = "undetermined: too few points" if u is None else f"u = {format_number(u, 2)}"
         lines.append(f"{combination_text(terms)}: {text} {UNITS[name] if u is not None else ''}")

@@ -224,15 +224,15 @@ class AccelerometerParameters(StrictModel):
 
     def _points_of(self, plane: str) -> list[Point]:
         pairs = [(a, f) for a in self.angle_levels_deg for f in self.field_levels_mT]
-        found: list[Point] = []
+        points: list[Point] = []
         for number in range(1, self.repeats + 1):
             turn = list(pairs)
             if self.order == "palindrome" and number % 2 == 0:
                 turn.reverse()
             if self.order == "random":
                 random.Random(f"{self.seed} {plane} {number}").shuffle(turn)
-            found += [Point(plane, angle, field, number) for angle, field in turn]
-        return found
+            points += [Point(plane, angle, field, number) for angle, field in turn]
+        return points
 
     @property
     def point_noise_V(self) -> float:

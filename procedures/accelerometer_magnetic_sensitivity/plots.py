@@ -69,7 +69,11 @@ def magnetic_part(dataset: AccelerometerDataset, analysis: AccelerometerAnalysis
     """Return the part of the solution that the field makes, in V (rows,)."""
     acceleration_g = accelerations(dataset.plane, np.radians(dataset.theta_deg), dataset.gravity_g)
     columns = model_columns(acceleration_g, dataset.field_T)
-    own = {one.name: one.value or 0.0 for one in analysis.estimates if one.name in FIELD_POWER}
+    own = {
+        estimate.name: estimate.value or 0.0
+        for estimate in analysis.estimates
+        if estimate.name in FIELD_POWER
+    }
     return np.asarray(sum(own[name] * columns[:, COEFFICIENTS.index(name)] for name in own))
 
 
@@ -177,7 +181,7 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
     """Draw each coefficient of the finite-memory solution, against the full-data one, in its u."""
     path = analysis.path
     assert path is not None
-    own = {one.name: one for one in analysis.estimates}
+    own = {estimate.name: estimate for estimate in analysis.estimates}
     count = len(path.names)
     figure = new_figure(0.7 + 1.25 * -(-count // COLUMNS))
     grid = panels(figure, count, COLUMNS, share_x=True, share_y=False)
@@ -190,11 +194,11 @@ def convergence(analysis: AccelerometerAnalysis) -> Figure:
         value, u = own[name].value, own[name].standard_uncertainty
         if value is None or u is None or u <= 0.0:
             continue
-        course = (path.estimates[:, number] - value) / u
-        axes.plot(place, course, color=BLUE, linewidth=1.0)
+        deviation = (path.estimates[:, number] - value) / u
+        axes.plot(place, deviation, color=BLUE, linewidth=1.0)
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.axvline(path.window, color=VERMILION, linewidth=0.8, linestyle="--")
-        last = course[np.isfinite(course)][-len(course) // 3 :]
+        last = deviation[np.isfinite(deviation)][-len(deviation) // 3 :]
         reach = max(CONVERGED_U, 1.3 * float(np.max(np.abs(last)))) if len(last) else CONVERGED_U
         axes.set_ylim(-reach, reach)
         axes.set_xlim(first, len(place))

@@ -119,10 +119,10 @@ def held_angle(dataset: AccelerometerDataset) -> Mask:
 
     In a longer stay than is usual, three rows and more whose outputs differ at one same field.
     """
-    found = np.zeros(len(dataset), dtype=bool)
+    held = np.zeros(len(dataset), dtype=bool)
     read = np.isfinite(dataset.output_V) & ~dataset.overloaded
     if int(read.sum()) < AFTER_A_COMMAND:
-        return found
+        return held
     starts, lengths = equal_runs(dataset.theta_deg)
     moved_V = max(MOVED_PART * float(np.std(dataset.output_V[read])), MOVED_V)
     long = max(LONG_STAY * float(np.median(lengths)), AFTER_A_COMMAND)
@@ -130,11 +130,11 @@ def held_angle(dataset: AccelerometerDataset) -> Mask:
         stay = first + np.flatnonzero(read[first : first + count])
         levels, field = np.unique(dataset.field_commanded_T[stay], return_inverse=True)
         output_V = dataset.output_V[stay]
-        usual_V = np.array([np.median(output_V[field == one]) for one in range(len(levels))])
+        usual_V = np.array([np.median(output_V[field == level]) for level in range(len(levels))])
         if int(np.sum(np.abs(output_V - usual_V[field]) > moved_V)) >= AFTER_A_COMMAND:
             # The first of them was measured.
-            found[first + 1 : first + count] = True
-    return found
+            held[first + 1 : first + count] = True
+    return held
 
 
 def clipped(output_V: Array) -> Mask:
@@ -143,14 +143,14 @@ def clipped(output_V: Array) -> Mask:
     Four and more that are the largest magnitude of one sign to the last digit, where readings are
     not so coarse that others repeat as often.
     """
-    found = np.zeros(len(output_V), dtype=bool)
+    at_limit = np.zeros(len(output_V), dtype=bool)
     values, count = np.unique(output_V[np.isfinite(output_V)], return_counts=True)
     if len(values) < 3:
-        return found
+        return at_limit
     for end, others in ((0, count[1:]), (-1, count[:-1])):
         if count[end] >= FEWEST_CLIPPED and count[end] > 2 * int(others[1:-1].max(initial=1)):
-            found |= output_V == values[end]
-    return found
+            at_limit |= output_V == values[end]
+    return at_limit
 
 
 def copied(dataset: AccelerometerDataset) -> Mask:
@@ -160,21 +160,22 @@ def copied(dataset: AccelerometerDataset) -> Mask:
     where readings are not so coarse that outputs elsewhere are alike as often, or so far behind
     often differ by one step.
     """
-    found = np.zeros(len(dataset), dtype=bool)
+    copies = np.zeros(len(dataset), dtype=bool)
     if len(np.unique(dataset.output_V)) < 0.5 * len(dataset) or len(dataset) < COPIED_ROWS:
-        return found
+        return copies
     pairs = np.column_stack((dataset.output_V, dataset.field_T))
     later, behind = _alike(pairs)
     rows_behind, count = np.unique(behind, return_counts=True)
     step_V = coarse_step_V(dataset.output_V)
     far = [
-        one
-        for one, alike in zip(rows_behind.tolist(), count.tolist(), strict=True)
-        if alike >= COPIED_ROWS and _one_apart(dataset.output_V, one, step_V) < NEARLY_ALIKE * alike
+        rows
+        for rows, alike in zip(rows_behind.tolist(), count.tolist(), strict=True)
+        if alike >= COPIED_ROWS
+        and _one_apart(dataset.output_V, rows, step_V) < NEARLY_ALIKE * alike
     ]
-    found[later[np.isin(behind, far)]] = True
+    copies[later[np.isin(behind, far)]] = True
     elsewhere = ~np.isin(_alike(pairs[:, :1])[1], far)
-    return found if int(elsewhere.sum()) < int(found.sum()) else found & False
+    return copies if int(elsewhere.sum()) < int(copies.sum()) else copies & False
 
 
 def _one_apart(output_V: Array, behind: int, step_V: float) -> int:
@@ -212,9 +213,9 @@ def frozen_temperature(temperature_degC: Array) -> Mask:
     A thermometer that stands still measures nothing, and what warms the device goes unseen. One
     that stands at several readings and only changes by one same step is coarse.
     """
-    found = frozen(temperature_degC)
-    if len(np.unique(temperature_degC[found])) < 2:
-        return found
+    still = frozen(temperature_degC)
+    if len(np.unique(temperature_degC[still])) < 2:
+        return still
     changes = np.abs(np.diff(temperature_degC))
     changes = changes[changes > 0.0]
-    return found & (float(changes.max()) >= ONE_STEP * float(changes.min()))
+    return still & (float(changes.max()) >= ONE_STEP * float(changes.min()))

@@ -58,15 +58,15 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
 def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:
     """Return the best of the solutions with no, or one, cause beside the model."""
     first = _solve(rows, kept_names, settings)
-    found = first.solution
+    plain = first.solution
     suspects = Suspects.of(rows.plane, rows.theta_rad)
     model = TurnedModel(rows, kept_names)
     whole = np.ones(len(rows.time_s), dtype=bool)
     solutions = [first]
     known = known_causes(rows, first.acceleration_g, first.model_coefficients)
     causes = causes_to_try(first, rows, suspects, known)
-    solutions += [_solve(rows, kept_names, settings, cause=one) for one in causes]
-    if OFFSET not in found.names or not may_be_off(first, rows.output_V, suspects, settings):
+    solutions += [_solve(rows, kept_names, settings, cause=cause) for cause in causes]
+    if OFFSET not in plain.names or not may_be_off(first, rows.output_V, suspects, settings):
         return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
     tried = set()
     for slow in (first.slow[:, :0], first.slow) if first.slow.shape[1] else (first.slow,):
@@ -74,7 +74,7 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
         def columns_at(added_rad: Array, slow: Array = slow) -> Array:
             return np.column_stack((model.with_misalignment(added_rad), slow))
 
-        for inside in (whole, found.kept):
+        for inside in (whole, plain.kept):
             for jump in find_jumps(suspects, columns_at, first.slope, rows.output_V, inside):
                 if jump.rows.tobytes() not in tried:
                     tried.add(jump.rows.tobytes())
@@ -84,8 +84,8 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
 
 def _best(solutions: list[Solved], rows: int) -> Solved:
     """Return the solution that the information criterion prefers."""
-    squares = [one.solution.sum_of_squares for one in solutions]
-    prices = [one.solution.price for one in solutions]
+    squares = [candidate.solution.sum_of_squares for candidate in solutions]
+    prices = [candidate.solution.price for candidate in solutions]
     return solutions[choose_by_information(squares, prices, rows)]
 
 
@@ -172,11 +172,11 @@ def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
         left = (rows.output_V - combine(design, fit.coefficients))[kept]
         share = np.maximum(1.0 - fit.leverage, 1e-6)
         group = rows.noise_group[kept]
-        for one in np.unique(group):
-            inside = group == one
+        for label in np.unique(group):
+            inside = group == label
             if int(inside.sum()) >= FEWEST_OF_A_GROUP:
                 variance = float(np.sum(left[inside] ** 2) / np.sum(share[inside]))
-                weight[rows.noise_group == one] = 1.0 / np.sqrt(max(variance, 1e-300))
+                weight[rows.noise_group == label] = 1.0 / np.sqrt(max(variance, 1e-300))
         unknown = ~np.isin(rows.noise_group, group) | (weight == 1.0)
         known = weight[~unknown]
         weight[unknown] = float(np.median(known)) if len(known) else 1.0

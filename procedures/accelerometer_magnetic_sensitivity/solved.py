@@ -168,7 +168,7 @@ def groups_of(dataset: AccelerometerDataset, usable: Mask) -> Mapping[str, NDArr
         for name, deg in zip(plane, dataset.theta_commanded_deg[usable], strict=True)
     ]
     field_T = dataset.field_commanded_T[usable]
-    field = [f"{name} at {one:.4g} T" for name, one in zip(plane, field_T, strict=True)]
+    field = [f"{name} at {level_T:.4g} T" for name, level_T in zip(plane, field_T, strict=True)]
     return {"angle": np.array(angle), "field": np.array(field)}
 
 
@@ -205,11 +205,11 @@ def misfit(solved: Solved, groups: Mapping[str, NDArray[np.str_]]) -> Misfit | N
 
 def with_misfit(solved: Solved, groups: Mapping[str, NDArray[np.str_]]) -> Solution:
     """Return the solution with its misfit, which its uncertainties hold."""
-    solution, found = solved.solution, misfit(solved, groups)
-    if found is None:
+    solution, worst = solved.solution, misfit(solved, groups)
+    if worst is None:
         return solution
-    covariance = solution.covariance * max(found.ratio, 1.0)
-    return replace(solution, covariance=covariance, misfit=found)
+    covariance = solution.covariance * max(worst.ratio, 1.0)
+    return replace(solution, covariance=covariance, misfit=worst)
 
 
 def uneven(rows: Rows, solution: Solution) -> Uneven | None:
@@ -219,7 +219,7 @@ def uneven(rows: Rows, solution: Solution) -> Uneven | None:
     the record; groups of fewer than twenty rows say too little.
     """
     third = np.arange(len(rows.time_s)) * PARTS // len(rows.time_s)
-    found: Uneven | None = None
+    worst: Uneven | None = None
     most = UNEVEN_SIGMAS
     for what, names in (("plane", rows.plane), ("time", third)):
         _, group = np.unique(names, return_inverse=True)
@@ -235,5 +235,5 @@ def uneven(rows: Rows, solution: Solution) -> Uneven | None:
             MAD_VARIANCE * (1.0 / count[low] + 1.0 / count[high])
         )
         if sigmas > most:
-            most, found = float(sigmas), Uneven(what, group.astype(np.int64), noise_V)
-    return found
+            most, worst = float(sigmas), Uneven(what, group.astype(np.int64), noise_V)
+    return worst

@@ -173,7 +173,7 @@ def meter_problems(
 ) -> Iterator[Problem]:
     """Yield integration time, range and burst that the voltmeter's driver says it cannot do."""
     if parameters.nplc not in driver.integration_cycles:
-        known = ", ".join(f"{one:g}" for one in driver.integration_cycles)
+        known = ", ".join(f"{cycles:g}" for cycles in driver.integration_cycles)
         yield Problem(
             ("parameters", "nplc"),
             f"the {MULTIMETER} cannot integrate over {parameters.nplc:g} power-line cycles; it can "

@@ -108,7 +108,7 @@ def check(parameters: CommissioningParameters, bench: Bench) -> Iterator[Problem
         )
     elif parameters.watch and bench.commissioned is not None:
         units = {name: kind.unit for name, kind in PROCEDURE.results.items()}
-        yield from (Problem(WATCH, one) for one in unlike(bench.commissioned, units))
+        yield from (Problem(WATCH, reason) for reason in unlike(bench.commissioned, units))
     for part, own in chosen(parameters):
         yield from part.check(own, bench)
 
@@ -135,9 +135,11 @@ def fits(bench: Bench, short: bool, stated: Mapping[str, str]) -> Iterator[str]:
     if CHECKS in stated:
         wanted = [part for part in PARTS if part.name in re.findall(r"\w+", stated[CHECKS])]
     elif short:
-        known = {one.name for one in bench.commissioned.figures} if bench.commissioned else None
-        watched = [one for one in possible if one.drift]
-        wanted = [one for one in watched if known is None or known & set(one.drift)]
+        known = (
+            {figure.name for figure in bench.commissioned.figures} if bench.commissioned else None
+        )
+        watched = [part for part in possible if part.drift]
+        wanted = [part for part in watched if known is None or known & set(part.drift)]
     if short:
         yield from ("parameters.watch=true", f"limits.{DRIFT}.max_abs=1")
     if not wanted and CHECKS not in stated:

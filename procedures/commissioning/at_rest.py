@@ -26,8 +26,8 @@ def ask_at_rest(run: Run, prompt: Prompt) -> None:
 
 def bring_to_rest(run: Run) -> None:
     """Make all that turns or carries a coil's current safe; InstrumentError where one is not."""
-    for name, one in run.instruments.items():
-        if not isinstance(one, Turntable | RotaryStage | DirectCurrentSupply):
+    for name, instrument in run.instruments.items():
+        if not isinstance(instrument, Turntable | RotaryStage | DirectCurrentSupply):
             continue
         harmful = run.role(name, MadeSafe)
         harmful.make_safe(run.clock.now() + WITHIN_S)

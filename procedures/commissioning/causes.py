@@ -17,7 +17,7 @@ def named_causes(flags: Sequence[Flag]) -> Estimate:
 
     A cause may have no figure of its own that a limit could hold, such as a reversed accelerometer.
     """
-    codes = [one.code for one in flags if not one.code.endswith(UNDECIDED)]
+    codes = [flag.code for flag in flags if not flag.code.endswith(UNDECIDED)]
     named = [code for code in codes if code != NOT_MEASURED]
     extra = {"codes": named}
     method = "causes that the parts name"

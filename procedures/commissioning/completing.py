@@ -33,17 +33,19 @@ def figures_to_watch(
     estimates: Sequence[Estimate], watched: Sequence[str], changes: Sequence[Completion]
 ) -> tuple[CommissionedFigure, ...]:
     """Return the figures that a weekly check is held against, of the bench file as it becomes."""
-    become = {one.figure[:2]: one.figure[2] for one in changes if one.figure is not None}
+    become = {
+        change.figure[:2]: change.figure[2] for change in changes if change.figure is not None
+    }
     return tuple(
         CommissionedFigure(
-            name=one.name,
-            axis=one.axis,
-            value=become.get((one.name, one.axis or ""), one.value),
-            unit=one.unit,
-            standard_uncertainty=one.standard_uncertainty or 0.0,
+            name=estimate.name,
+            axis=estimate.axis,
+            value=become.get((estimate.name, estimate.axis or ""), estimate.value),
+            unit=estimate.unit,
+            standard_uncertainty=estimate.standard_uncertainty or 0.0,
         )
-        for one in estimates
-        if one.name in watched and one.value is not None
+        for estimate in estimates
+        if estimate.name in watched and estimate.value is not None
     )
 
 
@@ -66,8 +68,8 @@ def files_of(
         "bench": bench,
         **commissioned.model_dump(mode="json"),
         "changes": [
-            {"key": ".".join(map(str, one.where)), "value": one.text, "why": one.why}
-            for one in changes
+            {"key": ".".join(map(str, change.where)), "value": change.text, "why": change.why}
+            for change in changes
         ],
     }
     return {
@@ -82,13 +84,13 @@ def bench_text(
     """Return the text of a bench file with changed values and its figures; comments stay."""
     lines = without_block(document.text.splitlines(), document)
     head = [f"# Commissioned {commissioned.date.isoformat()}, run {commissioned.run}."]
-    places = [(document.positions[one.where], one) for one in changes]
+    places = [(document.positions[change.where], change) for change in changes]
     # From the end of a line to its beginning, so that what stands before keeps its column.
-    for mark, one in sorted(places, key=lambda at: (at[0].line, at[0].column), reverse=True):
-        written, row, column = document.scalars[one.where], mark.line - 1, mark.column - 1
+    for mark, change in sorted(places, key=lambda at: (at[0].line, at[0].column), reverse=True):
+        written, row, column = document.scalars[change.where], mark.line - 1, mark.column - 1
         before, after = lines[row][:column], lines[row][column:]
-        lines[row] = before + after.replace(written, one.text, 1)
-        head.append(f"# {'.'.join(map(str, one.where))}: {written} before; {one.why}.")
+        lines[row] = before + after.replace(written, change.text, 1)
+        head.append(f"# {'.'.join(map(str, change.where))}: {written} before; {change.why}.")
     first = next((k for k, line in enumerate(lines) if not line.startswith("#")), 0)
     return "\n".join([*lines[:first], *head, *lines[first:], *block_of(commissioned)]) + "\n"
 
@@ -116,19 +118,19 @@ def block_of(commissioned: Commissioned) -> list[str]:
         f"  date: {commissioned.date.isoformat()}",
         f"  run: {json.dumps(commissioned.run, ensure_ascii=False)}",
         "  figures:",
-        *(f"    - {entry(one)}" for one in commissioned.figures),
+        *(f"    - {entry(figure)}" for figure in commissioned.figures),
         *(["  confirmed:"] if commissioned.confirmed else []),
         *(
-            f"    - {json.dumps(one.model_dump(), ensure_ascii=False)}"
-            for one in commissioned.confirmed
+            f"    - {json.dumps(form.model_dump(), ensure_ascii=False)}"
+            for form in commissioned.confirmed
         ),
     ]
 
 
-def entry(one: CommissionedFigure) -> str:
+def entry(figure: CommissionedFigure) -> str:
     """Return a figure as a mapping in one line."""
-    axis = "" if one.axis is None else f"axis: {json.dumps(one.axis, ensure_ascii=False)}, "
+    axis = "" if figure.axis is None else f"axis: {json.dumps(figure.axis, ensure_ascii=False)}, "
     return (
-        f"{{name: {one.name}, {axis}value: {one.value!r}, unit: {json.dumps(one.unit)}, "
-        f"standard_uncertainty: {one.standard_uncertainty!r}}}"
+        f"{{name: {figure.name}, {axis}value: {figure.value!r}, unit: {json.dumps(figure.unit)}, "
+        f"standard_uncertainty: {figure.standard_uncertainty!r}}}"
     )

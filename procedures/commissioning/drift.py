@@ -31,15 +31,15 @@ def figure_name(name: str, axis: str | None) -> str:
 
 def unlike(commissioned: Commissioned, units: Mapping[str, str]) -> Iterator[str]:
     """Yield why figures of a bench file are not those of a check; `units` by result."""
-    names = [figure_name(one.name, one.axis) for one in commissioned.figures]
+    names = [figure_name(figure.name, figure.axis) for figure in commissioned.figures]
     for name in dict.fromkeys(names):
         if names.count(name) > 1:
             yield f"`commissioned` in the bench file states {name} {names.count(name)} times"
-    for name, one in zip(names, commissioned.figures, strict=True):
-        if one.name in units and one.unit != units[one.name]:
+    for name, figure in zip(names, commissioned.figures, strict=True):
+        if figure.name in units and figure.unit != units[figure.name]:
             yield (
-                f"`commissioned` in the bench file states {name} in '{one.unit}', and a check "
-                f"measures it in '{units[one.name]}'; commission the bench again"
+                f"`commissioned` in the bench file states {name} in '{figure.unit}', and a check "
+                f"measures it in '{units[figure.name]}'; commission the bench again"
             )
 
 
@@ -50,33 +50,36 @@ def drifts(
 
     What both measurements share, as the gain of one gaussmeter, is not in the uncertainty.
     """
-    for one in estimates:
-        if one.name not in allowed:
+    for estimate in estimates:
+        if estimate.name not in allowed:
             continue
-        axis, before = figure_name(one.name, one.axis), commissioned.figure(one.name, one.axis)
-        if before is None or one.value is None:
+        axis, before = (
+            figure_name(estimate.name, estimate.axis),
+            commissioned.figure(estimate.name, estimate.axis),
+        )
+        if before is None or estimate.value is None:
             yield undetermined(DRIFT, axis, "1", METHOD)
             continue
-        u = math.hypot(one.standard_uncertainty or 0.0, before.standard_uncertainty)
-        limit = allowed[one.name]
-        drift = (one.value - before.value) / limit
-        extra = {"commissioned": before.value, "measured": one.value, "allowed": limit}
+        u = math.hypot(estimate.standard_uncertainty or 0.0, before.standard_uncertainty)
+        limit = allowed[estimate.name]
+        drift = (estimate.value - before.value) / limit
+        extra = {"commissioned": before.value, "measured": estimate.value, "allowed": limit}
         yield Estimate(
-            DRIFT, axis, drift, "1", u / limit, one.degrees_of_freedom, METHOD, {}, extra
+            DRIFT, axis, drift, "1", u / limit, estimate.degrees_of_freedom, METHOD, {}, extra
         )
 
 
-def flags_of(found: Sequence[Estimate]) -> Iterator[Flag]:
+def flags_of(drifted: Sequence[Estimate]) -> Iterator[Flag]:
     """Yield what has drifted, and what the commissioning did not measure."""
-    for one in found:
-        if one.value is None:
-            message = f"{one.axis}: the commissioning of this bench has no such figure."
-            yield Flag("not-commissioned", message, one.axis)
-        elif abs(one.value) > 1.0:
-            extra = one.extra
+    for drift in drifted:
+        if drift.value is None:
+            message = f"{drift.axis}: the commissioning of this bench has no such figure."
+            yield Flag("not-commissioned", message, drift.axis)
+        elif abs(drift.value) > 1.0:
+            extra = drift.extra
             message = (
-                f"{one.axis} has drifted from {extra['commissioned']:.5g} to "
-                f"{extra['measured']:.5g}, {abs(one.value):.2g} times what is allowed. Find the "
+                f"{drift.axis} has drifted from {extra['commissioned']:.5g} to "
+                f"{extra['measured']:.5g}, {abs(drift.value):.2g} times what is allowed. Find the "
                 "cause, or commission the bench again."
             )
-            yield Flag("drifted", message, one.axis)
+            yield Flag("drifted", message, drift.axis)

@@ -39,19 +39,19 @@ def findings_of_run(
     folder: RunFolder, parameters: CommissioningParameters, bench: Bench
 ) -> Findings:
     """Return the figures and causes of every part that was recorded, and what has drifted."""
-    found = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
-    estimates = [one for _, findings in found for one in findings.estimates]
-    flags = [one for _, findings in found for one in findings.flags]
+    parts = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
+    estimates = [estimate for _, findings in parts for estimate in findings.estimates]
+    flags = [flag for _, findings in parts for flag in findings.flags]
     estimates.append(named_causes(flags))
     written = read_yaml(folder.path / BENCH_AS_WRITTEN)
     changes = tuple(
-        one
-        for part, findings in found
+        change
+        for part, findings in parts
         if part.completes is not None
-        for one in part.completes(findings, bench)
-        if one.where in written.scalars
+        for change in part.completes(findings, bench)
+        if change.where in written.scalars
     )
-    allowed = {name: limit for part, _ in found for name, limit in part.drift.items()}
+    allowed = {name: limit for part, _ in parts for name, limit in part.drift.items()}
     if parameters.watch and bench.commissioned is not None:
         watched = list(drifts(estimates, allowed, bench.commissioned))
         estimates += watched
@@ -66,11 +66,11 @@ def findings_of_run(
     )
     return Findings(
         estimates=estimates,
-        published=[one for _, findings in found for one in findings.published],
+        published=[published for _, findings in parts for published in findings.published],
         flags=flags,
-        inputs=[one for _, findings in found for one in findings.inputs],
+        inputs=[quantity for _, findings in parts for quantity in findings.inputs],
         detail=CommissioningDetail(
-            {part.name: findings.detail for part, findings in found},
+            {part.name: findings.detail for part, findings in parts},
             bench.name,
             written,
             changes,

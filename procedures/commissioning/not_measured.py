@@ -24,6 +24,8 @@ def not_measured(part: str, results: Mapping[str, ResultKind], missing: Sequence
     )
     details = {
         "units": list(missing),
-        "coefficients": [f"{one.name} {one.axis or ''}".strip() for one in estimates],
+        "coefficients": [
+            f"{estimate.name} {estimate.axis or ''}".strip() for estimate in estimates
+        ],
     }
     return Analysis(estimates, (), (Flag("not-measured", message, details=details),))

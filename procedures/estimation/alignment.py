@@ -60,7 +60,7 @@ def align_pieces(pieces: Iterable[tuple[Array, Array]], nominal_rate: float) -> 
         if sum(map(len, touching)) > MOST_KEPT:
             touching = [possible_vertices(np.concatenate(touching), nominal_rate)]
         if sum(map(len, seen)) > MOST_KEPT:
-            seen = [one[:: 2 if len(one) > 1 else 1] for one in seen]
+            seen = [rows[:: 2 if len(rows) > 1 else 1] for rows in seen]
     centre = total / rows
     counter, arrival_s = np.concatenate(touching).T
     x, y = counter - centre, arrival_s - nominal_rate * (counter - centre)

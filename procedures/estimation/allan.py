@@ -92,7 +92,7 @@ def allan_deviation(
     largest = total // FEWEST_CLUSTERS
     steps = max(2, int(np.ceil(per_decade * np.log10(largest))) + 1)
     sizes = np.unique(np.rint(np.geomspace(1, largest, steps)).astype(np.int64))
-    found = []
+    points = []
     for m in sizes:
         mean = (sums[m:] - sums[:-m]) / m
         whole = (counts[m:] - counts[:-m]) == m
@@ -102,8 +102,8 @@ def allan_deviation(
         step = mean[m:] - mean[:-m]
         variance = float(np.mean(step[pairs] ** 2)) / 2.0
         freedom = _freedom_in_white_noise(int(counts[-1]), int(m))
-        found.append((m * interval_s, np.sqrt(variance), freedom))
-    table = np.array(found).reshape(-1, 3)
+        points.append((m * interval_s, np.sqrt(variance), freedom))
+    table = np.array(points).reshape(-1, 3)
     return AllanDeviation(table[:, 0], table[:, 1], table[:, 2])
 
 
@@ -112,8 +112,8 @@ def pooled_deviation(records: Sequence[AllanDeviation]) -> AllanDeviation:
 
     Variances are weighted by their degrees of freedom, which add up.
     """
-    freedom = np.sum([one.degrees_of_freedom for one in records], axis=0)
-    total = np.sum([one.degrees_of_freedom * one.deviation**2 for one in records], axis=0)
+    freedom = np.sum([record.degrees_of_freedom for record in records], axis=0)
+    total = np.sum([record.degrees_of_freedom * record.deviation**2 for record in records], axis=0)
     return AllanDeviation(records[0].tau_s, np.sqrt(total / freedom), freedom)
 
 
@@ -137,12 +137,12 @@ def noise_coefficients(allan: AllanDeviation) -> NoiseCoefficients | None:
     columns = np.column_stack((1.0 / tau_h, flat, tau_h / 3.0, 3.0 / allan.tau_s**2))
     weight = np.sqrt(allan.degrees_of_freedom / 2.0) / variance
     scale = np.linalg.norm(columns * weight[:, None], axis=0)
-    found, _ = nnls(columns * weight[:, None] / scale, variance * weight)
-    squares = found / scale
+    solved, _ = nnls(columns * weight[:, None] / scale, variance * weight)
+    squares = solved / scale
     parts = columns[:, squares > 0.0] / (columns @ squares)[:, None]
     spread = np.zeros(len(squares))
     worth = parts * allan.degrees_of_freedom[:, None] / 2.0
     spread[squares > 0.0] = np.sqrt(np.diag(np.linalg.pinv(parts.T @ worth)))
     seen = bool(squares[1] > SEEN * spread[1])
-    white, flicker, walk, rounded = (float(np.sqrt(one)) for one in squares)
+    white, flicker, walk, rounded = (float(np.sqrt(square)) for square in squares)
     return NoiseCoefficients(white, flicker, walk, rounded, seen)

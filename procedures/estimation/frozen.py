@@ -137,8 +137,8 @@ def repeated_windows(columns: Sequence[Array]) -> list[Mask]:
 
     Of a column of five to nine samples, to all of it.
     """
-    masks = [np.zeros(len(one), dtype=bool) for one in columns]
-    long = [n for n, one in enumerate(columns) if len(one) >= IN_A_SHORT_RECORD]
+    masks = [np.zeros(len(column), dtype=bool) for column in columns]
+    long = [n for n, column in enumerate(columns) if len(column) >= IN_A_SHORT_RECORD]
     if not long:
         return masks
     # Odd numbers: two windows of samples with the same sum of products are the same.
@@ -153,7 +153,7 @@ def repeated_windows(columns: Sequence[Array]) -> list[Mask]:
     _, first = np.unique(together, return_index=True)
     again = np.concatenate(finite)
     again[first] = False
-    ends = np.cumsum([len(one) for one in hashes])
+    ends = np.cumsum([len(hashed) for hashed in hashes])
     for window in np.flatnonzero(again).tolist():
         place = int(np.searchsorted(ends, window, side="right"))
         start = window - (int(ends[place - 1]) if place else 0)

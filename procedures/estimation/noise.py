@@ -202,11 +202,11 @@ def noise_near_line(
     return overall if not coloured and _agree(wide, overall, 0.05) else wide
 
 
-def _agree(one: LocalNoise, other: LocalNoise, chance: float) -> bool:
+def _agree(local_noise: LocalNoise, other: LocalNoise, chance: float) -> bool:
     if other.variance <= 0.0:
         return True
-    ratio = one.variance / other.variance
-    freedoms = one.degrees_of_freedom, other.degrees_of_freedom
+    ratio = local_noise.variance / other.variance
+    freedoms = local_noise.degrees_of_freedom, other.degrees_of_freedom
     return bool(fdtri(*freedoms, chance) <= ratio <= fdtri(*freedoms, 1.0 - chance))
 
 

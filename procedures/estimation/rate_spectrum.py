@@ -46,18 +46,18 @@ def covariances(count: int, interval_s: float) -> Array:
     second differences of F: -(t^2/2)(ln t - 3/2)/pi for B, -t^3/12 for K.
     """
     lag = np.arange(count, dtype=np.float64)
-    found = np.zeros((4, count))
-    found[0, :2] = np.array([2.0, -1.0])[:count] / interval_s**2
-    found[1, 0] = 1.0 / interval_s
-    found[2] = -_flicker(lag) / np.pi
-    found[3] = -0.5 * interval_s * lag
-    found[3, 0] = -interval_s / 6.0
-    return found
+    result = np.zeros((4, count))
+    result[0, :2] = np.array([2.0, -1.0])[:count] / interval_s**2
+    result[1, 0] = 1.0 / interval_s
+    result[2] = -_flicker(lag) / np.pi
+    result[3] = -0.5 * interval_s * lag
+    result[3, 0] = -interval_s / 6.0
+    return result
 
 
 def noise_variances(count: int, interval_s: float) -> Array:
     """Return the variances (4, n - 1) of the coefficients for unit Q, N, B and K."""
-    return np.array([variances(one) for one in covariances(count, interval_s)])
+    return np.array([variances(covariance) for covariance in covariances(count, interval_s)])
 
 
 def allan_terms(tau_s: Array | float) -> Array:

@@ -38,10 +38,10 @@ def resolution(values: Array) -> float:
     Where most samples share theirs with another one only such values count: a few that were made up
     between a channel's steps make no finer steps.
     """
-    found, counts = np.unique(values, return_counts=True)
+    levels, counts = np.unique(values, return_counts=True)
     if 2 * int(counts[counts > 1].sum()) > len(values) and int(np.sum(counts > 1)) > 1:
-        found = found[counts > 1]
-    steps = np.diff(found)
+        levels = levels[counts > 1]
+    steps = np.diff(levels)
     # What a unit's factor leaves of equal values is no step.
     steps = steps[steps > 1e-9 * float(np.max(np.abs(values), initial=0.0))]
     return float(steps.min()) if len(steps) else 0.0
@@ -64,20 +64,20 @@ def piled_up(
     levels, counts = np.unique(level, return_counts=True)
     top, mode = int(levels[-1]), int(levels[np.argmax(counts)])
     parts = {0: 0.0, mode: 0.0, top: 0.0}
-    for one in parts:
-        away = level - one
+    for part in parts:
+        away = level - part
         count, visits = int(np.sum(away == 0)), _visits(away == 0)
-        sides = 1 if one in (0, top) else 2
+        sides = 1 if part in (0, top) else 2
         beside = _visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
         many = sigma > 2.0 * step and visits > 5.0 * beside + (5.0 if sides == 1 else 15.0)
         if expected is not None and sigma > 0.5 * step * sides and visits > 5:
-            from_model = np.min(values) + one * step - expected
-            upper = ndtr((from_model + 0.5 * step) / sigma) if one < top else 1.0
-            lower = ndtr((from_model - 0.5 * step) / sigma) if one > 0 else 0.0
+            from_model = np.min(values) + part * step - expected
+            upper = ndtr((from_model + 0.5 * step) / sigma) if part < top else 1.0
+            lower = ndtr((from_model - 0.5 * step) / sigma) if part > 0 else 0.0
             chance = float(np.sum(upper - lower))
             slack = 10.0 if sides == 1 else 0.05 * len(values)
             many = many or count > chance + 6.0 * math.sqrt(chance) + slack
-        parts[one] = count / len(values) if many else 0.0
+        parts[part] = count / len(values) if many else 0.0
     inside = parts[mode] if 0 < mode < top else 0.0
     return parts[0] + (parts[top] if top else 0.0), inside
 

@@ -73,12 +73,12 @@ class Components:
     @property
     def deviance(self) -> float:
         """-2 ln of the likelihood without a constant, of all records."""
-        return sum(one.deviance for one in self.solved)
+        return sum(record.deviance for record in self.solved)
 
     @property
     def restricted_deviance(self) -> float:
         """-2 ln of the restricted likelihood without a constant, of all records."""
-        return sum(one.restricted_deviance for one in self.solved)
+        return sum(record.restricted_deviance for record in self.solved)
 
 
 def solve(stretch: Stretch, variance: Array) -> Solved:
@@ -151,17 +151,17 @@ def _edge(beyond: object, inside: float, outside: float) -> float:
 
 def components_at(stretches: Sequence[Stretch], theta: Array) -> Components:
     """Return records and uncertainties with given components (j,)."""
-    solved = tuple(solve(one, one.variance(theta)) for one in stretches)
+    solved = tuple(solve(stretch, stretch.variance(theta)) for stretch in stretches)
     count = len(theta)
     information = np.zeros((count, count))
-    for stretch, one in zip(stretches, solved, strict=True):
-        shares = stretch.parts / one.variance
+    for stretch, record in zip(stretches, solved, strict=True):
+        shares = stretch.parts / record.variance
         # tr(P_i M P_j M) with M = W - W X (X'WX)^-1 X'W: the columns' share is taken off.
-        information += 0.5 * (shares * (1.0 - 2.0 * one.leverage / one.variance)) @ shares.T
+        information += 0.5 * (shares * (1.0 - 2.0 * record.leverage / record.variance)) @ shares.T
         cross = np.array(
-            [(stretch.columns.T * (part / one.variance)) @ stretch.columns for part in shares]
+            [(stretch.columns.T * (part / record.variance)) @ stretch.columns for part in shares]
         )
-        taken = one.covariance @ cross
+        taken = record.covariance @ cross
         information += 0.5 * np.einsum("iab,jba->ij", taken, taken)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     covariance = np.linalg.pinv(information * np.outer(scale, scale), hermitian=True)
@@ -172,9 +172,9 @@ def _step(stretches: Sequence[Stretch], now: Components, held: tuple[int, float]
     """Return where one scoring step leads."""
     count = len(now.theta)
     normal, right = np.zeros((count, count)), np.zeros(count)
-    for stretch, one in zip(stretches, now.solved, strict=True):
-        squares = one.residuals**2 + one.leverage - stretch.rest
-        weighted = stretch.parts / one.variance**2
+    for stretch, record in zip(stretches, now.solved, strict=True):
+        squares = record.residuals**2 + record.leverage - stretch.rest
+        weighted = stretch.parts / record.variance**2
         normal += weighted @ stretch.parts.T
         right += weighted @ squares
     return _not_below_zero(normal, right, held)
@@ -189,8 +189,8 @@ def _not_below_zero(normal: Array, right: Array, held: tuple[int, float] | None)
     scale = 1.0 / np.sqrt(np.diag(normal)[free])
     scaled = normal[np.ix_(free, free)] * np.outer(scale, scale)
     root = cholesky(scaled + 1e-12 * np.eye(len(free)), lower=True)
-    found, _ = nnls(root.T, solve_triangular(root, right[free] * scale, lower=True))
-    theta[free] = found * scale
+    scaled_theta, _ = nnls(root.T, solve_triangular(root, right[free] * scale, lower=True))
+    theta[free] = scaled_theta * scale
     return theta
 
 

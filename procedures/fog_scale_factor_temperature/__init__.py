@@ -138,7 +138,7 @@ def warm_up(run: Run) -> None:
         work.follow(run.clock.now() + rule.window_s / 60, WARM_UP, doing)
         now_s = run.clock.now()
         seen.append((now_s, float(np.mean(work.gyro_degC()))))
-        seen = [one for one in seen if one[0] > now_s - rule.window_s]
+        seen = [reading for reading in seen if reading[0] > now_s - rule.window_s]
         if now_s - began_s >= rule.window_s and len(seen) > 3:
             times, temperatures = np.array(seen).T
             slope, u = slope_with_uncertainty(times, temperatures)
@@ -190,13 +190,13 @@ def fit(run: Run) -> None:
     from .analysis import analyse
     from .from_record import dataset_of_run
 
-    found = analyse(dataset_of_run(run.read_back(), run.parameters, run.bench))
-    for axis, one in found.fits.items():
-        if one.curve is not None:
-            at = one.curve.largest_at_degC()
+    analysis = analyse(dataset_of_run(run.read_back(), run.parameters, run.bench))
+    for axis, fit in analysis.fits.items():
+        if fit.curve is not None:
+            at = fit.curve.largest_at_degC()
             run.progress.say(
-                f"    {axis}: order {one.curve.order}, largest error "
-                f"{float(one.curve.error_ppm(np.array([at]))[0]):+.1f} ppm at {at:.1f} degC"
+                f"    {axis}: order {fit.curve.order}, largest error "
+                f"{float(fit.curve.error_ppm(np.array([at]))[0]):+.1f} ppm at {at:.1f} degC"
             )
 
 

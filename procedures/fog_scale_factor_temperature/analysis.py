@@ -72,9 +72,9 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     published: dict[str, Curve | None] = {}
     for axis, turns in tables.items():
         bias = dataset.gyro_bias_deg_per_h or 0.0
-        fits[axis], found = coarse(fit_axis(turns, settings, floor_ppm, bias), dataset.turns)
+        fits[axis], coarse_flags = coarse(fit_axis(turns, settings, floor_ppm, bias), dataset.turns)
         fits[axis], further = two_ways(fits[axis], turns)
-        flags += found + further
+        flags += coarse_flags + further
         published[axis] = published_curve(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
     if dataset.verification is not None:
@@ -133,8 +133,8 @@ def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
         f"The readings of {fit.axis} come in coarse steps: {'; '.join(steps)}. They are in the "
         f"uncertainty by up to {added.max():.2g} ppm; record more digits."
     )
-    found = replace(fit, curve=fit.curve.checked(added))
-    return found, [Flag("coarse-output", coarse_text, fit.axis, {"size_ppm": float(added.max())})]
+    widened = replace(fit, curve=fit.curve.checked(added))
+    return widened, [Flag("coarse-output", coarse_text, fit.axis, {"size_ppm": float(added.max())})]
 
 
 def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
@@ -143,11 +143,11 @@ def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
     usable = np.isfinite(error_deg) & (table.duration_s > 0.0) & believable_temperatures(table)
     usable &= upright(table, dataset.full_attitude)
     usable &= ~np.isin(table.axis, list(units_of_headings(table, dataset.full_attitude)))
-    found = {}
+    by_axis = {}
     for axis in AXES:
         own = table.axis == axis
         if bool(own.any()):
-            found[axis] = AxisTurns(
+            by_axis[axis] = AxisTurns(
                 axis,
                 np.flatnonzero(own),
                 table.set_number[own],
@@ -158,7 +158,7 @@ def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
                 table.temperature_degC[own],
                 usable[own],
             )
-    return found
+    return by_axis
 
 
 def believable_temperatures(table: TurnTable) -> Mask:

@@ -72,7 +72,7 @@ def unknown_in_gaps_ppm(
     as could have been there unseen, are in the uncertainty. In a wide gap no value is given.
     """
     order = solved.order + FURTHER_ORDERS
-    walk = Walk(problem.course.of(kept), solved.ratio)
+    walk = Walk(problem.turn_times.of(kept), solved.ratio)
     design, biases = problem.design(solved.domain_degC, order)
     white = walk.whiten(design[kept])
     grid = np.linspace(*solved.domain_degC, CHECKED)

@@ -37,7 +37,7 @@ CHANCE = 2.3
 
 
 @dataclass(frozen=True)
-class Course:
+class TurnTimes:
     """When the bias acts, rows in the order of time: steps since the first turn, and how long.
 
     `since` (n,) is in steps of the walk, `weight` (n,) the duration in units of the mean.
@@ -46,9 +46,9 @@ class Course:
     since: Array
     weight: Array
 
-    def of(self, rows: Mask) -> Course:
-        """Return the course at some of the rows."""
-        return Course(self.since[rows], self.weight[rows])
+    def of(self, rows: Mask) -> TurnTimes:
+        """Return the times at some of the rows."""
+        return TurnTimes(self.since[rows], self.weight[rows])
 
     def covariance(self, rows: Mask, others: Mask) -> Array:
         """Return the covariance of rows and others under a walk of variance one per step."""
@@ -56,12 +56,12 @@ class Course:
         return np.asarray(shared * np.outer(self.weight[rows], self.weight[others]))
 
 
-def course_of(middle_s: Array, duration_s: Array, step_s: float) -> Course:
-    """Return the course of turns; what the bias was at the first is left to the columns."""
-    return Course((middle_s - middle_s.min()) / step_s, duration_s / float(np.mean(duration_s)))
+def turn_times_of(middle_s: Array, duration_s: Array, step_s: float) -> TurnTimes:
+    """Return the times of turns; what the bias was at the first is left to the columns."""
+    return TurnTimes((middle_s - middle_s.min()) / step_s, duration_s / float(np.mean(duration_s)))
 
 
-def innovations(course: Course, ratios: Array, columns: Array) -> tuple[Array, Array]:
+def innovations(times: TurnTimes, ratios: Array, columns: Array) -> tuple[Array, Array]:
     """Return columns (n, k) whitened for each of m ratios, (m, n, k), and their variances (m, n).
 
     A column that is the turns' errors comes out as independent values of variance one.
@@ -71,9 +71,9 @@ def innovations(course: Course, ratios: Array, columns: Array) -> tuple[Array, A
     spread = np.zeros(len(ratios))
     white = np.empty((len(ratios), rows, width))
     variance = np.empty((len(ratios), rows))
-    steps = np.maximum(np.diff(course.since, prepend=0.0), 0.0)
+    steps = np.maximum(np.diff(times.since, prepend=0.0), 0.0)
     for n in range(rows):
-        weight = course.weight[n]
+        weight = times.weight[n]
         spread = spread + ratios * steps[n]
         variance[:, n] = 1.0 + weight**2 * spread
         new = columns[n] - weight * state
@@ -84,7 +84,7 @@ def innovations(course: Course, ratios: Array, columns: Array) -> tuple[Array, A
     return white, variance
 
 
-def walk_ratio(design: Array, data: Array, course: Course) -> float:
+def walk_ratio(design: Array, data: Array, times: TurnTimes) -> float:
     """Return the variance of the walk over a step, in units of the variance of the white noise.
 
     By restricted maximum likelihood; the columns of `design` (n, k) are taken out.
@@ -99,13 +99,13 @@ def walk_ratio(design: Array, data: Array, course: Course) -> float:
         return 0.0
     scale = np.sqrt(np.einsum("ij,ij->j", design, design))
     columns = np.column_stack((design / np.where(scale > 0.0, scale, 1.0), left / size))
-    best = _likeliest(columns, course, COARSE)
-    return best if best == 0.0 else _likeliest(columns, course, best * FINE)
+    best = _likeliest(columns, times, COARSE)
+    return best if best == 0.0 else _likeliest(columns, times, best * FINE)
 
 
-def _likeliest(columns: Array, course: Course, ratios: Array) -> float:
+def _likeliest(columns: Array, times: TurnTimes, ratios: Array) -> float:
     rows, width = columns.shape
-    white, variance = innovations(course, ratios, columns)
+    white, variance = innovations(times, ratios, columns)
     normal = np.swapaxes(white, 1, 2) @ white
     normal += 1e-13 * np.eye(width) * np.trace(normal, axis1=1, axis2=2)[:, None, None]
     diagonal = np.diagonal(np.linalg.cholesky(normal), axis1=1, axis2=2)
@@ -133,9 +133,9 @@ class CorrelatedFit:
 class Walk:
     """Turns whose errors share a walk of the bias: V = 1 + ratio x covariance of the walk."""
 
-    def __init__(self, course: Course, ratio: float) -> None:
-        identity = np.eye(len(course.since))
-        white, variance = innovations(course, np.array([ratio]), identity)
+    def __init__(self, times: TurnTimes, ratio: float) -> None:
+        identity = np.eye(len(times.since))
+        white, variance = innovations(times, np.array([ratio]), identity)
         self.factor = white[0]
         """Lower triangle that makes independent errors of equal size: its square is V^-1."""
         self.log_determinant = float(np.log(variance).sum())
@@ -160,14 +160,14 @@ class Walk:
 
 
 def deleted_residuals(
-    design: Array, data: Array, course: Course, ratio: float, kept: Mask
+    design: Array, data: Array, times: TurnTimes, ratio: float, kept: Mask
 ) -> Array:
     """Return how far each row lies from what the other kept rows foretell, shape (n,).
 
     In units of its standard deviation, the white noise taken for one; columns `design` (n, k), a
     walk of size `ratio`.
     """
-    walk = Walk(course.of(kept), ratio)
+    walk = Walk(times.of(kept), ratio)
     columns = walk.whiten(design[kept])
     solved = solve_by_qr(columns, combine(walk.factor, data[kept]))
     result = np.zeros(len(data))
@@ -180,10 +180,10 @@ def deleted_residuals(
     result[kept] = np.where(alone, 0.0, left / np.sqrt(np.where(alone, 1.0, own)))
     out = ~kept
     if bool(out.any()):
-        shared = walk.whiten(ratio * course.covariance(kept, out))
+        shared = walk.whiten(ratio * times.covariance(kept, out))
         predicted = combine(design[out], solved.coefficients) + project(shared, solved.residuals)
         gap = design[out] - np.einsum("ji,jk->ik", shared, columns)
-        variance = 1.0 + ratio * course.since[out] * course.weight[out] ** 2
+        variance = 1.0 + ratio * times.since[out] * times.weight[out] ** 2
         variance = variance - np.einsum("ji,ji->i", shared, shared)
         variance = variance + np.einsum("ij,ij->i", combine_all(gap, solved.inverse_normal), gap)
         result[out] = (data[out] - predicted) / np.sqrt(variance)
@@ -215,7 +215,7 @@ class AxisProblem:
         self.floor_ppm = floor_ppm
         self.paired = is_paired(turns)
         self.candidates = turns.usable & (self.paired | turns.sensing)
-        self.course = course_of(turns.middle_s, turns.duration_s, turns.set_interval_s)
+        self.turn_times = turn_times_of(turns.middle_s, turns.duration_s, turns.set_interval_s)
         self.data = turns.data_ppm
 
     def highest_order(self, kept: Mask) -> int:
@@ -275,7 +275,7 @@ class AxisProblem:
         if not self.paired:
             return 0.0
         design = self.design(domain, order)[0][kept]
-        return walk_ratio(design, self.data[kept], self.course.of(kept))
+        return walk_ratio(design, self.data[kept], self.turn_times.of(kept))
 
     def order_of(self, kept: Mask, solved: Solved) -> int:
         """Return the order that some rows ask for, range and walk as in a solution; -1 if none."""
@@ -286,7 +286,7 @@ class AxisProblem:
 
     def _order(self, kept: Mask, domain: tuple[float, float], highest: int, ratio: float) -> int:
         design, biases = self.design(domain, highest)
-        walk = Walk(self.course.of(kept), ratio)
+        walk = Walk(self.turn_times.of(kept), ratio)
         q, _ = thin_qr(walk.whiten(design[kept]))
         data = combine(walk.factor, self.data[kept])
         gains = project(q, data) ** 2
@@ -300,7 +300,7 @@ class AxisProblem:
     ) -> Solved:
         """Fit the kept rows with a curve of this order and a walk of this size."""
         design, _ = self.design(domain, order)
-        walk = Walk(self.course.of(kept), ratio)
+        walk = Walk(self.turn_times.of(kept), ratio)
         fit = walk.fit(design[kept], self.data[kept])
         return Solved(domain, order, ratio, fit, self._lag_one(kept, fit.white))
 

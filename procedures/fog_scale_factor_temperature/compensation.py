@@ -90,8 +90,8 @@ def compensation_files(curves: Mapping[str, Curve]) -> dict[str, str]:
 def python_source(definition: tuple[AxisDefinition, ...]) -> str:
     """Return a Python module without imports: `compensated(axis, rate, temperature_degC)`."""
     rows = "".join(
-        f'    "{one.axis}": ({one.low!r}, {one.high!r}, ({one.numbers()},)),\n'
-        for one in definition
+        f'    "{curve.axis}": ({curve.low!r}, {curve.high!r}, ({curve.numbers()},)),\n'
+        for curve in definition
     )
     return (
         f'"""Compensation of a gyro\'s scale factor over temperature: {SAID}"""\n\n'
@@ -111,11 +111,11 @@ def python_source(definition: tuple[AxisDefinition, ...]) -> str:
 
 def c_source(definition: tuple[AxisDefinition, ...]) -> str:
     """Return C99 for `double compensated(char axis, double rate, double temperature_degC)`."""
-    most = max(len(one.coefficients) for one in definition)
+    most = max(len(curve.coefficients) for curve in definition)
     rows = "".join(
-        f"    {{'{one.axis}', {one.low!r}, {one.high!r}, {len(one.coefficients)}, "
-        f"{{{one.numbers()}}}}},\n"
-        for one in definition
+        f"    {{'{curve.axis}', {curve.low!r}, {curve.high!r}, {len(curve.coefficients)}, "
+        f"{{{curve.numbers()}}}}},\n"
+        for curve in definition
     )
     return (
         "/* Compensation of a gyro's scale factor over temperature:\n"
@@ -146,10 +146,10 @@ def c_source(definition: tuple[AxisDefinition, ...]) -> str:
 def matlab_source(definition: tuple[AxisDefinition, ...]) -> str:
     """Return the MATLAB function file `compensated(axis, rate, temperature_degC)`."""
     cases = "".join(
-        f"        case '{one.axis}'\n"
-        f"            low = {one.low!r}; high = {one.high!r};\n"
-        f"            c = [{one.numbers()}];\n"
-        for one in definition
+        f"        case '{curve.axis}'\n"
+        f"            low = {curve.low!r}; high = {curve.high!r};\n"
+        f"            c = [{curve.numbers()}];\n"
+        for curve in definition
     )
     return (
         "function true_rate = compensated(axis, rate, temperature_degC)\n"

@@ -102,12 +102,12 @@ class Curve:
         best = int(np.argmax(np.abs(self.error_ppm(grid))))
         if best in {0, GRID - 1}:
             return float(grid[best])
-        found = minimize_scalar(
+        lowest = minimize_scalar(
             lambda t: -abs(float(self.error_ppm(np.array([t]))[0])),
             bounds=(grid[best - 1], grid[best + 1]),
             method="bounded",
         )
-        return float(found.x)
+        return float(lowest.x)
 
 
 @dataclass(frozen=True)

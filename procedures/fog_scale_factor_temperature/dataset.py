@@ -264,9 +264,9 @@ def sets_with_bias(turns: AxisTurns, rows: Mask, data_ppm: Array) -> Iterator[Se
         if float(np.ptp(scale)) * FULL_TURN_DEG > SAME_COMMAND_DEG:
             design = np.column_stack((scale, turns.by_bias_ppm[own]))
             inverse = np.linalg.inv(design.T @ design)
-            found = inverse @ (design.T @ data_ppm[own])
+            solved = inverse @ (design.T @ data_ppm[own])
             u = float(np.sqrt(inverse[0, 0]))
-            yield SetOfTurns(own, float(found[0]), u, float(found[1]))
+            yield SetOfTurns(own, float(solved[0]), u, float(solved[1]))
 
 
 def _uninterrupted(turns: AxisTurns, rows: Mask) -> Iterator[Index]:
@@ -287,8 +287,8 @@ def noise_of_sets(
     one back: it adds in their scale factor and cancels in their bias, so that residuals of single
     turns show too little. None where no more sets are left than the curve has `columns`.
     """
-    found = [one.error_ppm / one.u for one in sets_with_bias(turns, rows, left_ppm)]
-    free = len(found) - columns
+    scaled = [turn_set.error_ppm / turn_set.u for turn_set in sets_with_bias(turns, rows, left_ppm)]
+    free = len(scaled) - columns
     if free < 1:
         return None
-    return float(np.sqrt(np.sum(np.square(found)) / free)), float(free)
+    return float(np.sqrt(np.sum(np.square(scaled)) / free)), float(free)

@@ -48,8 +48,8 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
-    found = to_findings(analysis, dataset, flags, "specification in the plan")
-    return replace(found, inputs=[*found.inputs, *table_inputs(bench)])
+    findings = to_findings(analysis, dataset, flags, "specification in the plan")
+    return replace(findings, inputs=[*findings.inputs, *table_inputs(bench)])
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -118,7 +118,9 @@ def to_findings(
         published.append(
             Published("largest_scale_factor_error", axis, largest, "ppm", "polynomial")
         )
-    estimates += [_verified(one, analysis.fits[axis]) for axis, one in analysis.verified.items()]
+    estimates += [
+        _verified(verified, analysis.fits[axis]) for axis, verified in analysis.verified.items()
+    ]
     estimates += _driven(analysis.driven, analysis.fits.get("z"))
     inputs = []
     if dataset.gyro_bias_deg_per_h:
@@ -144,7 +146,7 @@ def model_data(curve: Curve) -> dict[str, Any]:
         "basis": "chebyshev",
         "domain": [float(end) for end in curve.domain_degC],
         "unit": "degC",
-        "coefficients": [float(one) for one in curve.coefficients_ppm],
+        "coefficients": [float(coefficient) for coefficient in curve.coefficients_ppm],
     }
 
 
@@ -204,10 +206,12 @@ def _at_reference(fit: AxisFit, dataset: FogDataset, widest_degC: float) -> Esti
         return _estimate("scale_factor_error", fit, asked, False, extra)
     band = Band(curve, dataset.gyro_bias_deg_per_h or 0.0)
     extra |= {"order": curve.order, "turn_noise": fit.noise_ppm, "band": band_data(band)}
-    found = _estimate("scale_factor_error", fit, asked, False, extra)
+    estimate = _estimate("scale_factor_error", fit, asked, False, extra)
     if curve.holds(asked) and not within(fit.gaps_degC, asked, widest_degC):
-        return found
-    return undetermined(found.name, found.axis, found.unit, found.method, found.extra)
+        return estimate
+    return undetermined(
+        estimate.name, estimate.axis, estimate.unit, estimate.method, estimate.extra
+    )
 
 
 def _largest(fit: AxisFit, widest_degC: float) -> Estimate:

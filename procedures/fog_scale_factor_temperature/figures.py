@@ -152,10 +152,17 @@ def _before_and_after(analysis: FogAnalysis, document: ResultDocument) -> Table:
 def _row(axis: str, name: str, before: Array, after: Array) -> list[str]:
     """Return errors before and after compensation, without a limit and a verdict."""
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
-    rms = [float(np.sqrt(np.mean(one**2))) if len(one) else np.nan for one in (before, after)]
+    rms = [
+        float(np.sqrt(np.mean(errors**2))) if len(errors) else np.nan for errors in (before, after)
+    ]
     ratio = rms[1] / rms[0] if rms[0] else np.nan
     largest = float(np.max(np.abs(after))) if len(after) else np.nan
-    return [axis, name, *(format_number(one, 3) for one in (*rms, ratio, largest)), *[NOTHING] * 2]
+    return [
+        axis,
+        name,
+        *(format_number(value, 3) for value in (*rms, ratio, largest)),
+        *[NOTHING] * 2,
+    ]
 
 
 def _compensation(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Table:
@@ -215,11 +222,11 @@ def temperatures(dataset: FogDataset) -> Figure:
     """Draw all temperatures that were recorded against time."""
     figure = new_figure(2.7)
     axes = figure.add_subplot()
-    for name, course in dataset.history.items():
-        step = max(1, len(course) // MOST_POINTS)
-        time_h = course[::step, 0] / SECONDS_PER_HOUR
+    for name, readings in dataset.history.items():
+        step = max(1, len(readings) // MOST_POINTS)
+        time_h = readings[::step, 0] / SECONDS_PER_HOUR
         colour = COLOURS.get(name.removeprefix("gyro "), INK)
-        axes.plot(time_h, course[::step, 1], color=colour, linewidth=1.1, label=name)
+        axes.plot(time_h, readings[::step, 1], color=colour, linewidth=1.1, label=name)
     axes.set_xlabel("time, h")
     axes.set_ylabel("temperature, degC")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
@@ -293,17 +300,25 @@ def verification(verified: Mapping[str, Verified]) -> Figure:
         2, len(verified), sharex="col", squeeze=False, gridspec_kw={"height_ratios": (1.5, 1.0)}
     )
     figure.subplots_adjust(wspace=0.22, hspace=0.12)
-    for column, one in enumerate(verified.values()):
+    for column, axis_errors in enumerate(verified.values()):
         upper, lower = grid[0, column], grid[1, column]
-        colour = COLOURS[one.axis]
-        upper.plot(one.temperature_degC, one.before_ppm, ".", color=GREY, label="before")
+        colour = COLOURS[axis_errors.axis]
+        upper.plot(
+            axis_errors.temperature_degC, axis_errors.before_ppm, ".", color=GREY, label="before"
+        )
         for axes in (upper, lower):
-            axes.plot(one.temperature_degC, one.after_ppm, ".", color=colour, label="compensated")
+            axes.plot(
+                axis_errors.temperature_degC,
+                axis_errors.after_ppm,
+                ".",
+                color=colour,
+                label="compensated",
+            )
             axes.axhline(0.0, color=INK, linewidth=0.8)
-        reach = ROOM * float(np.max(np.abs(one.after_ppm)))
+        reach = ROOM * float(np.max(np.abs(axis_errors.after_ppm)))
         lower.set_ylim(-reach, reach)
         lower.set_xlabel("gyro temperature, degC")
-        label_above(upper, f"axis {one.axis}")
+        label_above(upper, f"axis {axis_errors.axis}")
     grid[0, 0].set_ylabel("turn error, ppm")
     grid[1, 0].set_ylabel("compensated, ppm")
     grid[0, 0].legend(loc="best")
@@ -322,11 +337,11 @@ def drive(driven: Driven, reference_deg: Array | None) -> Figure:
         axes.set_ylabel("difference of heading, deg")
     else:
         true = np.unwrap(reference_deg, period=360.0)
-        for course, colour, name in (
+        for heading_deg, colour, name in (
             (driven.raw_deg, VERMILION, "without compensation"),
             (driven.compensated_deg, BLUE, "with compensation"),
         ):
-            error = (course - course[0]) - (true - true[0])
+            error = (heading_deg - heading_deg[0]) - (true - true[0])
             axes.plot(minutes, error[::step], color=colour, label=name)
         axes.set_ylabel("heading error, deg")
     axes.set_xlabel("time, min")

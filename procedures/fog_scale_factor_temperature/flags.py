@@ -231,13 +231,16 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
         same = np.abs(turns.commanded_deg[own] - turns.commanded_deg[own[:1]]) < 1.0
         soon = turns.middle_s[own] - turns.middle_s[own[:1]] < turns.set_interval_s
         apart += [float(left[own[0]] - left[n]) for n in own[same & soon][1:2]]
-    course = np.array(apart)
-    power = float(course @ course)
-    if len(course) >= FEWEST_SETS and float(np.sum(np.diff(course) ** 2)) < SMOOTH * power:
+    differences = np.array(apart)
+    power = float(differences @ differences)
+    if (
+        len(differences) >= FEWEST_SETS
+        and float(np.sum(np.diff(differences) ** 2)) < SMOOTH * power
+    ):
         sign_text = (
             f"Turns about {turns.axis} of the same command in the same set differ by "
-            f"{np.sqrt(power / len(course)):.3g} ppm, set after set alike: one of them was another "
-            "turn than its command says, in the other sense, or a wait."
+            f"{np.sqrt(power / len(differences)):.3g} ppm, set after set alike: one of them was "
+            "another turn than its command says, in the other sense, or a wait."
         )
         flags.append(contradiction("commanded_deg", sign_text, turns.axis))
     spec, bias = dataset.gyro_bias_deg_per_h, fit.bias_deg_per_h
@@ -259,7 +262,7 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
 def _commands(turns: AxisTurns, sensing: Mask) -> list[Mask]:
     """Return the rows of each commanded angle, those within a degree taken as one."""
     whole = np.rint(turns.commanded_deg)
-    return [whole == one for one in np.unique(whole[sensing])]
+    return [whole == command for command in np.unique(whole[sensing])]
 
 
 def _usual_ppm(fit: AxisFit) -> float:
@@ -271,20 +274,20 @@ def _usual_ppm(fit: AxisFit) -> float:
 def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags of a curve that its own turns contradict, and of noise beyond the stated."""
     flags = []
-    found = fit.misfit
-    if found is not None and found.sure:
-        shape = f"a feature some {2.4 * found.width_degC:.1f} degC wide"
-        if found.kink:
-            shape = f"a kink of {found.slope_ppm_per_degC:+.2g} ppm/degC"
+    misfit = fit.misfit
+    if misfit is not None and misfit.sure:
+        shape = f"a feature some {2.4 * misfit.width_degC:.1f} degC wide"
+        if misfit.kink:
+            shape = f"a kink of {misfit.slope_ppm_per_degC:+.2g} ppm/degC"
         misfit_text = (
-            f"The turns about {fit.axis} show {shape} at {found.at_degC:.1f} degC, which the "
-            f"polynomial does not follow; it is up to {found.size_ppm:.2g} ppm off there, and its "
+            f"The turns about {fit.axis} show {shape} at {misfit.at_degC:.1f} degC, which the "
+            f"polynomial does not follow; it is up to {misfit.size_ppm:.2g} ppm off there, and its "
             "uncertainty holds that."
         )
         details = {
-            "at_degC": found.at_degC,
-            "size_ppm": found.size_ppm,
-            "shape": "kink" if found.kink else "feature",
+            "at_degC": misfit.at_degC,
+            "size_ppm": misfit.size_ppm,
+            "shape": "kink" if misfit.kink else "feature",
         }
         flags.append(Flag("misfit", misfit_text, fit.axis, details))
     noise = fit.noise_ppm

@@ -165,8 +165,8 @@ def history_of(turns: TurnTable) -> dict[str, Array]:
     for axis in AXES:
         own = turns.axis == axis
         if bool(own.any()):
-            course = np.column_stack((turns.middle_s[own], turns.temperature_degC[own]))
-            history[f"gyro {axis}"] = course
+            readings = np.column_stack((turns.middle_s[own], turns.temperature_degC[own]))
+            history[f"gyro {axis}"] = readings
     return history
 
 

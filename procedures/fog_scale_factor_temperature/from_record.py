@@ -117,10 +117,14 @@ def history(folder: RunFolder) -> dict[str, Array]:
     """Return the temperatures of chamber and gyros against time, between the turns."""
     columns = {"chamber": (CHAMBER, "process_value_degC", 1)}
     columns |= {f"gyro {axis}": (NAVIGATOR, f"temperature_{axis}_degC", THINNED) for axis in AXES}
-    found = {}
+    readings = {}
     for name, (source, column, every) in columns.items():
-        blocks = [block for unit in BETWEEN_TURNS for block in folder.recorded_blocks(source, unit, every)]
+        blocks = [
+            block for unit in BETWEEN_TURNS for block in folder.recorded_blocks(source, unit, every)
+        ]
         if blocks:
-            rows = np.concatenate([np.column_stack((one[ARRIVAL], one[column])) for one in blocks])
-            found[name] = rows[np.argsort(rows[:, 0])]
-    return found
+            rows = np.concatenate(
+                [np.column_stack((block[ARRIVAL], block[column])) for block in blocks]
+            )
+            readings[name] = rows[np.argsort(rows[:, 0])]
+    return readings

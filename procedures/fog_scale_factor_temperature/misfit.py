@@ -96,7 +96,7 @@ def misfit_of(
     widths = np.array(WIDTHS) * float(np.median(steps[steps > 0.0]))
     columns = _shapes(heat[rows], centres, widths) * turns.turns[rows][:, None]
     design, biases = problem.design(solved.domain_degC, solved.order)
-    walk = Walk(problem.course.of(rows), solved.ratio)
+    walk = Walk(problem.turn_times.of(rows), solved.ratio)
     basis = thin_qr(walk.whiten(design[rows]))[0]
     left = orthogonal_part(basis, combine(walk.factor, problem.data[rows]))
     white = walk.whiten(columns)
@@ -163,7 +163,7 @@ def _kink(
     left = squares(whole)
     smooth = min(criterion(float(left[n - 1]), n) for n in range(biases + 1, whole.shape[1] + 1))
     design, limit = whole[:, : biases + highest + 1], smooth - PERHAPS
-    found = None
+    kink = None
     for place in range(kinks.shape[1]):
         ordered = np.column_stack((design[:, :biases], kinks[:, place], design[:, biases:]))
         if float(np.linalg.norm(ordered[:, biases])) <= 0.0:
@@ -173,8 +173,8 @@ def _kink(
             count = biases + order + 1 + KINK_COLUMNS
             value = criterion(float(left[biases + 1 + order]), count)
             if value < limit:
-                found, limit = (place, order, smooth - value), value
-    return found
+                kink, limit = (place, order, smooth - value), value
+    return kink
 
 
 def _centres(problem: AxisProblem, rows: Mask) -> Array:
@@ -201,26 +201,26 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
     nothing of them.
     """
     turns = problem.turns
-    found = np.zeros(len(kept), dtype=bool)
+    agree = np.zeros(len(kept), dtype=bool)
     rejected = problem.candidates & turns.sensing & ~kept
     if not bool(rejected.any()) or solved.fit.noise <= 0.0:
-        return found
+        return agree
     design, biases = problem.design(solved.domain_degC, solved.order)
     inside = problem.candidates
     if len(np.unique(np.sign(turns.turns[inside & turns.sensing]))) > 1:
         left = problem.data - design[:, biases:] @ solved.fit.coefficients[biases:]
         biased = list(sets_with_bias(turns, inside, left))
-        bias = np.array([one.bias_deg_per_h for one in biased])
+        bias = np.array([turn_set.bias_deg_per_h for turn_set in biased])
         off = np.abs(bias - _median_around(bias))
         calm = off <= AGREE * MAD_TO_SIGMA * float(np.median(off)) if len(off) else off
-        for one, same in zip(biased, calm, strict=True):
-            found[one.rows] = bool(same) and bool(rejected[one.rows].any())
-        return found
+        for turn_set, same in zip(biased, calm, strict=True):
+            agree[turn_set.rows] = bool(same) and bool(rejected[turn_set.rows].any())
+        return agree
     off = np.zeros(len(kept))
     off[inside] = deleted_residuals(
         design[inside],
         problem.data[inside],
-        problem.course.of(inside),
+        problem.turn_times.of(inside),
         solved.ratio,
         kept[inside],
     )
@@ -233,8 +233,8 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
     for first, last in _runs(sets, rejected, off):
         run = np.concatenate(sets[first:last])
         beside = [*sets[max(first - 1, 0) : first], *sets[last : last + 1]]
-        found[run] = last - first >= LONE_SETS or _supported(off[run], off, beside)
-    return found
+        agree[run] = last - first >= LONE_SETS or _supported(off[run], off, beside)
+    return agree
 
 
 def _supported(run: Array, off: Array, beside: list[Index]) -> bool:
@@ -248,7 +248,7 @@ def _supported(run: Array, off: Array, beside: list[Index]) -> bool:
 def _median_around(values: Array) -> Array:
     """Return the median of the three values on either side of each, itself left out, (n,)."""
     around = [np.r_[values[max(n - 3, 0) : n], values[n + 1 : n + 4]] for n in range(len(values))]
-    return np.array([np.median(one) if len(one) else 0.0 for one in around])
+    return np.array([np.median(values) if len(values) else 0.0 for values in around])
 
 
 def _runs(sets: list[Index], rejected: Mask, off: Array) -> list[tuple[int, int]]:

@@ -90,8 +90,8 @@ def _jagged(axis: np.ndarray, time_s: Array, heat: Array, rows: int) -> float:
     """Return how far readings of a gyro usually are from the line between their neighbours."""
     own, stated = _placed(len(heat), rows)
     off = []
-    for one in AXES:
-        there = (axis[own] == one) & np.isfinite(heat[stated])
+    for other in AXES:
+        there = (axis[own] == other) & np.isfinite(heat[stated])
         t, values = time_s[own][there], heat[stated][there]
         if len(t) < 3:
             continue
@@ -132,8 +132,8 @@ def _common_ppm(table: TurnTable, dataset: FogDataset) -> float | None:
     """Return what neighbouring turns of both senses of an axis usually share; None without them."""
     error = turn_errors_deg(table, dataset.turn_sense, dataset.full_attitude) / 360.0 * PPM
     shared = []
-    for one in AXES:
-        own: Mask = (table.axis == one) & np.isfinite(error)
+    for axis in AXES:
+        own: Mask = (table.axis == axis) & np.isfinite(error)
         turns, numbers = table.commanded_deg[own], table.set_number[own]
         back = (turns[1:] == -turns[:-1]) & (turns[1:] != 0.0) & (numbers[1:] == numbers[:-1])
         shared.append(0.5 * np.abs(error[own][1:] + error[own][:-1])[back])

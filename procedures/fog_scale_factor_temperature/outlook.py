@@ -167,11 +167,11 @@ def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
 
     try:
         files = inputs(parameters)
-    except FaultList as found:
-        yield from (Problem(DRIVE, fault.said) for fault in found.faults)
+    except FaultList as error:
+        yield from (Problem(DRIVE, fault.said) for fault in error.faults)
         return
     try:
         for path in files.values():
             drive_in(path, parameters)
-    except FaultList as found:
-        yield from (Problem(DRIVE, str(fault)) for fault in found.faults)
+    except FaultList as error:
+        yield from (Problem(DRIVE, str(fault)) for fault in error.faults)

@@ -111,20 +111,21 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
             raise ConditionNotReached(
                 f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:.3g} h after the end of the "
                 f"ramp {NAVIGATOR} says that the gyros stand at "
-                f"{', '.join(f'{one:.1f}' for one in gyros)} degC, not at {ramp.gyros_degC:g} "
-                f"degC, and {CHAMBER} that its air does at {work.chamber.temperature_degC():.1f} "
-                "degC; take a range that they reach with their own heat"
+                f"{', '.join(f'{gyro_degC:.1f}' for gyro_degC in gyros)} degC, not at "
+                f"{ramp.gyros_degC:g} degC, and {CHAMBER} that its air does at "
+                f"{work.chamber.temperature_degC():.1f} degC; take a range that they reach with "
+                "their own heat"
             )
     run.record.finish_unit(ramp.end)
 
 
 def fitted_degC(run: Run) -> dict[str, tuple[float, float]]:
     """Return the lowest and the highest temperature of each gyro's turns of the fit."""
-    found: dict[str, list[float]] = {}
+    by_gyro: dict[str, list[float]] = {}
     for unit, details in run.read_back().finished_units().items():
         if unit.split(" ")[0] == RAMP:
-            found.setdefault(details["axis"], []).append(details["stands"]["own_degC"])
-    return {axis: (min(values), max(values)) for axis, values in found.items()}
+            by_gyro.setdefault(details["axis"], []).append(details["stands"]["own_degC"])
+    return {axis: (min(values), max(values)) for axis, values in by_gyro.items()}
 
 
 def is_inside(work: BenchWork, between: dict[str, tuple[float, float]]) -> bool:

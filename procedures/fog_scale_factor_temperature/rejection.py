@@ -50,9 +50,9 @@ def first_look(problem: AxisProblem, order: int) -> Mask:
     near[np.flatnonzero(kept)] = inside
     # Quantised data may have a robust deviation of nothing: never reject within the floor.
     if problem.floor_ppm > 0.0:
-        found = solve_by_qr(design[near], problem.data[near]).coefficients
+        solved = solve_by_qr(design[near], problem.data[near]).coefficients
         reach = START_THRESHOLD * problem.settings.outlier * problem.floor_ppm
-        near |= kept & (np.abs(problem.data - design @ found) <= reach)
+        near |= kept & (np.abs(problem.data - design @ solved) <= reach)
     return near
 
 
@@ -77,14 +77,14 @@ def reject(problem: AxisProblem) -> list[End]:
 
     for order in START_ORDERS:
         begin(first_look(problem, order))
-    best = min(ends.values(), key=lambda one: one.surprise)
+    best = min(ends.values(), key=lambda end: end.surprise)
     if best.solved is not None:
         for row in _outermost(problem, best.kept):
             without = best.kept.copy()
             without[row] = False
             if problem.order_of(without, best.solved) != best.solved.order:
                 end(without, problem.solve(without))
-    return sorted(ends.values(), key=lambda one: one.surprise)
+    return sorted(ends.values(), key=lambda end: end.surprise)
 
 
 def _outermost(problem: AxisProblem, kept: Mask) -> Index:
@@ -128,7 +128,7 @@ def _surprise(problem: AxisProblem, kept: Mask, solved: Solved | None) -> float:
     wild = int(problem.candidates.sum()) - count
     span = float(np.ptp(problem.data[problem.candidates])) or 1.0
     noise = max(solved.fit.noise, problem.floor_ppm, 1e-9 * span)
-    walk = Walk(problem.course.of(kept), solved.ratio)
+    walk = Walk(problem.turn_times.of(kept), solved.ratio)
     surprise = count * (np.log(2.0 * np.pi * noise**2) + 1.0)
     surprise += walk.log_determinant
     surprise += CHARGE * (solved.order + 1) * np.log(count)
@@ -151,7 +151,7 @@ def _settle(problem: AxisProblem, kept: Mask) -> tuple[Mask, Solved | None]:
             deleted_residuals(
                 design[problem.candidates],
                 problem.data[problem.candidates],
-                problem.course.of(problem.candidates),
+                problem.turn_times.of(problem.candidates),
                 solved.ratio,
                 kept[problem.candidates],
             )

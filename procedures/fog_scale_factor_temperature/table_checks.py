@@ -132,7 +132,7 @@ def table_flags(dataset: FogDataset) -> list[Flag]:
             )
             flags.append(contradiction("heading_deg", unit_text, file=name, axes=axes))
         named = table.axis[~upright(table, dataset.full_attitude)]
-        wrong = sorted({str(one) for one in named} - set(units))
+        wrong = sorted({str(axis) for axis in named} - set(units))
         if wrong:
             axis_text = (
                 f"In `{name}` the attitude does not have the axis up that the row names "
@@ -185,11 +185,11 @@ def heading_resolution_deg(table: TurnTable) -> float:
 
 def _resolution(dataset: FogDataset, name: str, table: TurnTable) -> list[Flag]:
     """Return the flag of headings that are coarser than stated."""
-    stated, found = dataset.heading_resolution_deg, heading_resolution_deg(table)
-    if not stated or found <= COARSER * stated:
+    stated, resolution = dataset.heading_resolution_deg, heading_resolution_deg(table)
+    if not stated or resolution <= COARSER * stated:
         return []
     steps_text = (
-        f"The headings of `{name}` come in steps of {found:g} deg, the stated resolution is "
+        f"The headings of `{name}` come in steps of {resolution:g} deg, the stated resolution is "
         f"{stated:g} deg: digits were lost. Export them with all digits, or state what is true."
     )
     return [contradiction("heading_resolution", steps_text, file=name)]
@@ -273,9 +273,9 @@ def _thermometers(name: str, table: TurnTable) -> list[Flag]:
                 )
                 flags.append(flag)
                 break
-    for axis, course in courses.items():
-        others = [one for key, one in courses.items() if key != axis]
-        swings = [float(np.ptp(np.percentile(course - one, (10.0, 90.0)))) for one in others]
+    for axis, readings in courses.items():
+        others = [other for key, other in courses.items() if key != axis]
+        swings = [float(np.ptp(np.percentile(readings - other, (10.0, 90.0)))) for other in others]
         if swings and min(swings) > FROM_OTHERS_DEGC:
             apart_text = (
                 f"The thermometer of the {axis} gyro in `{name}` leaves those of the others by "

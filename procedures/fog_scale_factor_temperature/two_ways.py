@@ -38,11 +38,14 @@ def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
     left = np.bincount(place, fit.residual_ppm[kept]) / count
     slope = np.gradient(heat) if len(middle) > 1 else np.zeros(1)
     branches = [slope > WAY_DEGC, slope < -WAY_DEGC]
-    if min(int(one.sum()) for one in branches) < FEWEST_SETS:
+    if min(int(branch.sum()) for branch in branches) < FEWEST_SETS:
         return fit, []
-    shared = max(heat[one].min() for one in branches), min(heat[one].max() for one in branches)
+    shared = (
+        max(heat[branch].min() for branch in branches),
+        min(heat[branch].max() for branch in branches),
+    )
     inside = (heat >= shared[0]) & (heat <= shared[1])
-    if min(int((one & inside).sum()) for one in branches) < FEWEST_SETS:
+    if min(int((branch & inside).sum()) for branch in branches) < FEWEST_SETS:
         return fit, []
     rows = inside & (branches[0] | branches[1])
     way = np.where(branches[0][rows], 1.0, -1.0)
@@ -61,6 +64,6 @@ def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
         f" ppm (at {grid[worst]:.0f} degC) from those while it warms: hysteresis, or a thermometer "
         "that lags. The curve lies between them; half of it is in the uncertainty."
     )
-    found = replace(fit, curve=fit.curve.checked(np.abs(half)))
+    widened = replace(fit, curve=fit.curve.checked(np.abs(half)))
     size = {"size_ppm": float(2.0 * np.abs(half[worst]))}
-    return found, [Flag("hysteresis", ways_text, fit.axis, size)]
+    return widened, [Flag("hysteresis", ways_text, fit.axis, size)]

@@ -80,7 +80,7 @@ def verify_axis(
         sensing &= errors[-1] == 0.0
     if not bool(sensing.any()):
         return None
-    left, own_u, own_bias = (one[sensing] for one in errors)
+    left, own_u, own_bias = (error[sensing] for error in errors)
     heat = turns.temperature_degC[sensing]
     before = left + curve.error_ppm(heat)
     after = compensated_ppm(curve, heat, before)
@@ -137,8 +137,12 @@ def _set_by_set(
     scale = turns.turns[alone]
     left[alone] = data[alone] / scale
     u[alone], by_bias[alone] = noise / np.abs(scale), turns.by_bias_ppm[alone] / scale
-    for one in sets_with_bias(turns, turns.usable, data):
-        left[one.rows], u[one.rows], by_bias[one.rows] = one.error_ppm, noise * one.u, 0.0
+    for turn_set in sets_with_bias(turns, turns.usable, data):
+        left[turn_set.rows], u[turn_set.rows], by_bias[turn_set.rows] = (
+            turn_set.error_ppm,
+            noise * turn_set.u,
+            0.0,
+        )
     return left, u, by_bias
 
 
@@ -203,22 +207,27 @@ def heading_deg(drive: Drive, rate_deg_per_s: Array) -> Array:
         return p + turning * sp - pull * roll, q * cr - r * sr - pull * pitch, turning
 
     roll, pitch, heading = 0.0, 0.0, math.radians(drive.first_heading_deg)
-    course = [heading]
+    headings = [heading]
     for step_s, rate in zip(steps_s, rates, strict=True):
-        one = change(roll, pitch, heading, rate)
+        change_of_heading = change(roll, pitch, heading, rate)
         half = 0.5 * step_s
-        two = change(roll + half * one[0], pitch + half * one[1], heading + half * one[2], rate)
+        two = change(
+            roll + half * change_of_heading[0],
+            pitch + half * change_of_heading[1],
+            heading + half * change_of_heading[2],
+            rate,
+        )
         roll, pitch = roll + step_s * two[0], pitch + step_s * two[1]
         heading += step_s * two[2]
-        course.append(heading)
-    return np.asarray(np.degrees(np.array(course)))
+        headings.append(heading)
+    return np.asarray(np.degrees(np.array(headings)))
 
 
 def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
     """Return the heading's error at the end of a drive, without and with compensation."""
     raw = heading_deg(drive, drive.rate_deg_per_s)
     better = heading_deg(drive, compensate(drive, curves))
-    errors = [_error_deg(drive, course) for course in (raw, better)]
+    errors = [_error_deg(drive, headings_deg) for headings_deg in (raw, better)]
     closes = abs(errors[1]) <= LARGEST_ERROR_DEG and _follows(drive, better)
     steps_s = np.diff(drive.time_s)
     heat, outside = drive.temperature_degC[:, 2], 0.0

@@ -66,13 +66,15 @@ def analyse(data: ChamberDataset) -> Analysis:
     lag_s = float(since_s[reached.argmax()]) if reached.any() else float(since_s[-1])
     spacing_s = float(np.diff(since_s).mean())
     followed = [follow(data, data.device_degC[:, k]) for k in range(len(AXES))]
-    sure = [one.lag_s for one in followed if one.gain_u < SURE] or [LONGEST_S]
+    sure = [following.lag_s for following in followed if following.gain_u < SURE] or [LONGEST_S]
     # One that shows nothing of the step has no lag of its own: it is held against the others'.
     followed = [
-        one if one.gain_u < SURE else follow(data, data.device_degC[:, k], float(np.median(sure)))
-        for k, one in enumerate(followed)
+        following
+        if following.gain_u < SURE
+        else follow(data, data.device_degC[:, k], float(np.median(sure)))
+        for k, following in enumerate(followed)
     ]
-    middle_s = float(np.median([one.lag_s for one in followed]))
+    middle_s = float(np.median([following.lag_s for following in followed]))
     freedom = float(late.size - 1)
 
     def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
@@ -86,20 +88,28 @@ def analyse(data: ChamberDataset) -> Analysis:
             Estimate(
                 "thermometer_gain",
                 axis,
-                one.gain,
+                following.gain,
                 "1",
-                one.gain_u,
-                one.freedom,
+                following.gain_u,
+                following.freedom,
                 "least squares of a first-order lag",
                 {},
-                {"lag_s": one.lag_s},
+                {"lag_s": following.lag_s},
             )
-            for axis, one in zip(AXES, followed, strict=True)
+            for axis, following in zip(AXES, followed, strict=True)
         ),
     ]
     estimates += [
-        Estimate("thermometer_lag", axis, one.lag_s / middle_s, "1", 0.05, one.freedom, METHOD)
-        for axis, one in zip(AXES, followed, strict=True)
+        Estimate(
+            "thermometer_lag",
+            axis,
+            following.lag_s / middle_s,
+            "1",
+            0.05,
+            following.freedom,
+            METHOD,
+        )
+        for axis, following in zip(AXES, followed, strict=True)
     ]
     flags = [*overshooting(overshoot, ripple, data.step_K), *misplaced(followed, data.step_K)]
     return Analysis(estimates, (), flags)
@@ -129,7 +139,7 @@ def follow(data: ChamberDataset, read_degC: Array, lag_s: float | None = None) -
         spread = np.linalg.inv(known.T @ known) * squares / (len(known) - 3.0)
         return Following(float(shares[2]), float(np.sqrt(spread[2, 2])), lag_s, len(known) - 3.0)
     tried = np.geomspace(SHORTEST_S, LONGEST_S, TRIED)
-    tau_s = float(min(tried, key=lambda one: linear(float(one))[1]))
+    tau_s = float(min(tried, key=lambda lag_s: linear(float(lag_s))[1]))
     start = np.array([math.log(tau_s), *linear(tau_s)[0]])
 
     def residuals(of: Array) -> Array:
@@ -171,16 +181,16 @@ def overshooting(overshoot_K: float, u_K: float, step_K: float) -> list[Flag]:
 def misplaced(followed: list[Following], step_K: float) -> list[Flag]:
     """Return a flag for each thermometer that does not follow, or follows as the air does."""
     flags = []
-    middle_s = float(np.median([one.lag_s for one in followed]))
-    for axis, one in zip(AXES, followed, strict=True):
-        if one.gain + COVERAGE * one.gain_u < FOLLOWS:
+    middle_s = float(np.median([following.lag_s for following in followed]))
+    for axis, following in zip(AXES, followed, strict=True):
+        if following.gain + COVERAGE * following.gain_u < FOLLOWS:
             shown = (
-                f"shows {100.0 * one.gain:.0f} % of the chamber's step of {abs(step_K):g} K: it is "
-                "on the wrong channel, or outside the chamber"
+                f"shows {100.0 * following.gain:.0f} % of the chamber's step of {abs(step_K):g} K: "
+                "it is on the wrong channel, or outside the chamber"
             )
-        elif one.lag_s < max(IN_AIR_S, middle_s / IN_AIR):
+        elif following.lag_s < max(IN_AIR_S, middle_s / IN_AIR):
             shown = (
-                f"lags the air by {one.lag_s / 60.0:.1f} min, the middle one of all by "
+                f"lags the air by {following.lag_s / 60.0:.1f} min, the middle one of all by "
                 f"{middle_s / 60.0:.0f} min: it is on the channel of the air, or has come loose"
             )
         else:

@@ -37,15 +37,16 @@ def clock_estimate(name: str, counter_s: Array, arrival_s: Array) -> Estimate:
     return Estimate(name, None, PPM * (line.rate - 1.0), "ppm", u_ppm, None, METHOD)
 
 
-def clock_flags(one: Estimate, instrument: str) -> Iterator[Flag]:
+def clock_flags(estimate: Estimate, instrument: str) -> Iterator[Flag]:
     """Yield that a clock is off, or that the record does not decide it."""
-    assert one.value is not None and one.standard_uncertainty is not None
-    u = COVERAGE * one.standard_uncertainty
-    if abs(one.value) - u > CLOCK_PPM:
-        way = "slow" if one.value > 0.0 else "fast"
+    assert estimate.value is not None and estimate.standard_uncertainty is not None
+    u = COVERAGE * estimate.standard_uncertainty
+    if abs(estimate.value) - u > CLOCK_PPM:
+        way = "slow" if estimate.value > 0.0 else "fast"
         message = (
-            f"The clock of {instrument} is {abs(one.value):.0f} ppm {way} against the computer's "
-            f"(U = {u:.0f} ppm). One of both is wrong: compare each with a time standard."
+            f"The clock of {instrument} is {abs(estimate.value):.0f} ppm {way} against the "
+            f"computer's (U = {u:.0f} ppm). One of both is wrong: compare each with a time "
+            "standard."
         )
         yield Flag("clock-off", message, instrument)
     elif u > CLOCK_PPM:

@@ -24,5 +24,5 @@ def findings(folder: RunFolder, parameters: ClockParameters, bench: Bench) -> Fi
         return findings_of(not_measured("clocks", RESULTS, [UNIT]), None, [])
     rows = folder.rows(GAUSSMETER, UNIT)
     stamps_s = np.asarray(rows["instrument_time_s"], dtype=np.float64)
-    one = clock_estimate("gaussmeter_clock_error", stamps_s, rows["arrival_time_s"])
-    return findings_of(Analysis([one], (), list(clock_flags(one, GAUSSMETER))), None, [])
+    error = clock_estimate("gaussmeter_clock_error", stamps_s, rows["arrival_time_s"])
+    return findings_of(Analysis([error], (), list(clock_flags(error, GAUSSMETER))), None, [])

@@ -100,8 +100,8 @@ def analyse(data: CoilDataset) -> CoilAnalysis:
         estimates += _of_coil(axis, k, data, response, response_u)
     estimates += [_ambient(axis, k, data.ambient) for k, axis in enumerate(COILS)]
     estimates += [_noise(axis, k, data.ambient) for k, axis in enumerate(COILS)]
-    after_off = np.array([one.off.field_mT - data.ambient.field_mT for one in data.coils])
-    after_off_u = np.array([np.hypot(one.off.u_mT, data.ambient.u_mT) for one in data.coils])
+    after_off = np.array([coil.off.field_mT - data.ambient.field_mT for coil in data.coils])
+    after_off_u = np.array([np.hypot(coil.off.u_mT, data.ambient.u_mT) for coil in data.coils])
     measured = Measured(
         response,
         np.hypot(response_u, data.gain_u * np.abs(response)),

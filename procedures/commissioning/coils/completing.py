@@ -24,19 +24,23 @@ def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:
 
     Nothing where another cause is named, or where no record states the gaussmeter's gain.
     """
-    gains = [one.standard_uncertainty for one in findings.inputs if one.name == GAIN]
+    gains = [input.standard_uncertainty for input in findings.inputs if input.name == GAIN]
     if not gains or any(flag.code not in MAY_STAND for flag in findings.flags):
         return
-    for one in findings.estimates:
-        if one.name != "coil_constant_ratio" or one.value is None or one.axis not in COILS:
+    for estimate in findings.estimates:
+        if (
+            estimate.name != "coil_constant_ratio"
+            or estimate.value is None
+            or estimate.axis not in COILS
+        ):
             continue
-        u = ((one.standard_uncertainty or 0.0) ** 2 + (gains[0] * one.value) ** 2) ** 0.5
-        if abs(one.value - 1.0) <= COVERAGE * u:
+        u = ((estimate.standard_uncertainty or 0.0) ** 2 + (gains[0] * estimate.value) ** 2) ** 0.5
+        if abs(estimate.value - 1.0) <= COVERAGE * u:
             continue
-        constant = one.extra["coil_constant_mT_per_A"]
+        constant = estimate.extra["coil_constant_mT_per_A"]
         yield Completion(
-            ("instruments", supply_of(one.axis), "settings", "coil_constant"),
+            ("instruments", supply_of(estimate.axis), "settings", "coil_constant"),
             f"{constant:.6g} mT/A",
-            f"measured, U = {100.0 * COVERAGE * u / one.value:.2g} % (k = {COVERAGE:g})",
-            (one.name, one.axis, 1.0),
+            f"measured, U = {100.0 * COVERAGE * u / estimate.value:.2g} % (k = {COVERAGE:g})",
+            (estimate.name, estimate.axis, 1.0),
         )

@@ -56,8 +56,8 @@ def dataset_of_run(folder: RunFolder, parameters: CoilParameters, bench: Bench) 
         seen = [field_of(folder, unit) for unit in units]
         if not parameters.turn_probe:
             return mean_of(seen[0])
-        shortest = min(len(one) for one in seen)
-        return mean_of(np.column_stack([one[:shortest, k] for k, one in enumerate(seen)]))
+        shortest = min(len(rows) for rows in seen)
+        return mean_of(np.column_stack([rows[:shortest, k] for k, rows in enumerate(seen)]))
 
     def state(coil: str, name: str) -> list[str]:
         return [
@@ -86,7 +86,7 @@ def dataset_of_run(folder: RunFolder, parameters: CoilParameters, bench: Bench) 
         for coil in COILS
     )
     settings = [bench.instruments[supply_of(coil)].settings for coil in COILS]
-    constants = [parse_as(str(one["coil_constant"]), "mT/A") for one in settings]
+    constants = [parse_as(str(coil["coil_constant"]), "mT/A") for coil in settings]
     gain_u, zero_u_mT, _ = _gaussmeter(bench, parameters.field_mT)
     ambient = mean([ambient_unit(along) for along in parameters.directions])
     known = parameters.ambient
@@ -131,11 +131,11 @@ def inputs(data: CoilDataset, bench: Bench) -> list[InputQuantity]:
     source = _gaussmeter(bench, 1.0)[2]
     if not source:
         return []
-    found = [
+    quantities = [
         InputQuantity(GAIN, "gain of the gaussmeter", data.gain_u, "1", source),
         InputQuantity(ZERO, "zero of the gaussmeter", data.zero_u_mT, "mT", source),
     ]
     if data.angle_u_rad:
         said = "direction of the probe"
-        found.append(InputQuantity(ANGLE, said, data.angle_u_rad, "rad", source))
-    return found
+        quantities.append(InputQuantity(ANGLE, said, data.angle_u_rad, "rad", source))
+    return quantities

@@ -71,7 +71,7 @@ class CoilParameters(StrictModel):
     def coil_records(self, along: str) -> tuple[CoilRecord, ...]:
         """Return the records of every coil, seen along a direction."""
         states = {"plus": self.field_mT, "minus": -self.field_mT, "off": 0.0}
-        return tuple(CoilRecord(along, coil, *one) for coil in COILS for one in states.items())
+        return tuple(CoilRecord(along, coil, *state) for coil in COILS for state in states.items())
 
 
 def ambient_unit(along: str) -> str:

@@ -23,7 +23,7 @@ def door_is_wired(bench: Bench) -> bool:
 
 def door_is_free(bench: Bench) -> bool:
     """Return whether the chamber's door has a contact that no interlock watches."""
-    watched = {pair for one in bench.interlocks for pair in one.when.watched}
+    watched = {pair for interlock in bench.interlocks for pair in interlock.when.watched}
     free = not watched & {(CHAMBER, DOOR), (CHAMBER, "chain")}
     return door_is_wired(bench) and free and CHAMBER not in shares(bench)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def findings(folder: RunFolder, parameters: ContactParameters, bench: Bench) -> Findings:
     """Return what the contacts read; what was not walked whole gives nothing."""
     units = folder.finished_units()
-    chain = {one: chain_unit(one) for one in parameters.chain}
+    chain = {name: chain_unit(name) for name in parameters.chain}
     wanted = [*([UNIT] if parameters.door else []), *chain.values()]
     missing = [unit for unit in wanted if unit not in units]
     if missing:
@@ -29,7 +29,7 @@ def findings(folder: RunFolder, parameters: ContactParameters, bench: Bench) -> 
     if parameters.door:
         parts.append(analyse_door({done: str(units[UNIT][done]) for done in DONE}))
     if chain:
-        parts.append(analyse_chain({one: units[unit]["opened"] for one, unit in chain.items()}))
-    estimates = [estimate for one in parts for estimate in one.estimates]
-    flags = tuple(flag for one in parts for flag in one.flags)
+        parts.append(analyse_chain({name: units[unit]["opened"] for name, unit in chain.items()}))
+    estimates = [estimate for part in parts for estimate in part.estimates]
+    flags = tuple(flag for part in parts for flag in part.flags)
     return findings_of(Analysis(estimates, (), flags), None, [])

@@ -29,7 +29,7 @@ PROMPTS = {
 def prompts(parameters: ContactParameters) -> tuple[Prompt, ...]:
     """Return what the operator is asked to do."""
     of_door = tuple(PROMPTS[done] for done in DONE) if parameters.door else ()
-    return (*of_door, *(one for name in parameters.chain for one in chain_prompts(name)))
+    return (*of_door, *(prompt for name in parameters.chain for prompt in chain_prompts(name)))
 
 
 def instruments(parameters: ContactParameters) -> tuple[str, ...]:

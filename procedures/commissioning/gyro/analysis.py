@@ -79,9 +79,9 @@ def analyse(data: GyroDataset, inputs: Sequence[InputQuantity]) -> Analysis:
     """
     rate, u = rate_of(data)
     method = "pulses over time at rest"
-    found = next((one for one in data.lit if one == data.channel), data.lit[0])
+    channel = next((channel for channel in data.lit if channel == data.channel), data.lit[0])
     estimates = [
-        Estimate("gyro_channel_offset", None, float(found - data.channel), "1", 0.0, None, SEEN),
+        Estimate("gyro_channel_offset", None, float(channel - data.channel), "1", 0.0, None, SEEN),
         Estimate("rest_rate", None, rate, "deg/h", u, BLOCKS - 1.0, method),
     ]
     flags = list(_channel(data))
@@ -108,7 +108,7 @@ def analyse(data: GyroDataset, inputs: Sequence[InputQuantity]) -> Analysis:
         "the earth's rate along the input axis over the rate at rest",
         by,
     )
-    known = {one.name: one.standard_uncertainty for one in inputs}
+    known = {input.name: input.standard_uncertainty for input in inputs}
     whole_u = math.hypot(ratio * u / rate, *(by[name] * known.get(name, 0.0) for name in by))
     return Analysis([*estimates, weight], (), [*flags, *_weight(ratio, whole_u, data)])
 
@@ -126,9 +126,9 @@ def rate_of(data: GyroDataset) -> tuple[float, float]:
 
 def _channel(data: GyroDataset) -> Iterator[Flag]:
     if data.channel not in data.lit:
-        found = " and ".join(map(str, data.lit))
+        channels = " and ".join(map(str, data.lit))
         message = (
-            f"The pulse board sees the gyro on channel {found}, the plan states {data.channel}: "
+            f"The pulse board sees the gyro on channel {channels}, the plan states {data.channel}: "
             "exchange the cables, or state that channel in the plans."
         )
         yield Flag("gyro-on-other-channel", message, details={"channels": list(data.lit)})

@@ -36,10 +36,10 @@ def findings(folder: RunFolder, parameters: GyroParameters, bench: Bench) -> Fin
             InputQuantity(BIAS, "bias of the gyro", bias, "deg/h", "the plan"),
             InputQuantity(DIRECTION, "direction of the input axis", direction, "deg", "the plan"),
         ]
-    found = analyse(data, inputs)
+    analysis = analyse(data, inputs)
     arrival_s = folder.rows(GYRO, REST_UNIT)["arrival_time_s"]
     clock = clock_estimate("board_clock_error", data.time_s, arrival_s)
-    whole = Analysis([*found.estimates, clock], (), [*found.flags, *clock_flags(clock, GYRO)])
+    whole = Analysis([*analysis.estimates, clock], (), [*analysis.flags, *clock_flags(clock, GYRO)])
     return findings_of(whole, data, inputs)
 
 

@@ -46,21 +46,21 @@ def analyse(
     """
     estimates: list[Estimate] = []
     flags: list[Flag] = []
-    for name, one in asked.items():
-        came_s = one.latency_s[one.answered]
+    for name, answers in asked.items():
+        came_s = answers.latency_s[answers.answered]
         estimates += [
             quantile(LATENCY, name, came_s, MEDIAN),
             quantile(SLOWEST, name, came_s, P99),
             jitter(name, came_s),
-            Estimate(LOST, name, float((~one.same).sum()), "1", 0.0, None, "answers counted"),
+            Estimate(LOST, name, float((~answers.same).sum()), "1", 0.0, None, "answers counted"),
         ]
-        flags += _causes(name, one, estimates[-3].value)
+        flags += _causes(name, answers, estimates[-3].value)
     for name, errors in kept.items():
         count = float(len(errors.before) + len(errors.since))
         estimates.append(Estimate(KEPT, name, count, "1", 0.0, None, "errors counted"))
         flags += _kept_causes(name, errors)
-    for name, one in returned.items():
-        if not one.same[-1]:
+    for name, answers in returned.items():
+        if not answers.same[-1]:
             message = (
                 f"{name} does not answer as itself after its cable was pulled and plugged in "
                 "again: look at the plug, or switch it off and on; a run that loses it must be "
@@ -91,18 +91,18 @@ def jitter(axis: str, latency_s: Array) -> Estimate:
     return Estimate(JITTER, axis, value, "ms", u, float(freedom), method)
 
 
-def _causes(name: str, one: Answers, slowest_ms: float | None) -> Iterator[Flag]:
-    lost, others = int((~one.answered).sum()), int((one.answered & ~one.same).sum())
+def _causes(name: str, answers: Answers, slowest_ms: float | None) -> Iterator[Flag]:
+    lost, others = int((~answers.answered).sum()), int((answers.answered & ~answers.same).sum())
     if lost > MAY_BE_LOST:
         message = (
-            f"{name} leaves {lost} of {len(one.answered)} questions without a whole answer: check "
-            "cable, connectors and bit rate, and that nobody else talks to it."
+            f"{name} leaves {lost} of {len(answers.answered)} questions without a whole answer: "
+            "check cable, connectors and bit rate, and that nobody else talks to it."
         )
         yield Flag("line-loses-answers", message, name)
     if others:
         message = (
-            f"{name} answers {others} of {len(one.answered)} questions as another instrument: two "
-            "units share its address, or the line is out of step."
+            f"{name} answers {others} of {len(answers.answered)} questions as another instrument: "
+            "two units share its address, or the line is out of step."
         )
         yield Flag("line-identity-changes", message, name)
     if slowest_ms is not None and slowest_ms > SLOWEST_MS:

@@ -35,7 +35,7 @@ ALONG = {
     "inner": np.array([1.0, 0.0, 0.0]),
 }
 """Each axis along the sensor's X, Y, Z, with all axes at zero."""
-SIGNS = np.array([[1.0 if angle == 0.0 else -1.0 for angle in one] for one in HALF_TURNS])
+SIGNS = np.array([[1.0 if angle == 0.0 else -1.0 for angle in angles] for angles in HALF_TURNS])
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,10 @@ def analyse(data: MotionDataset) -> Analysis:
         _off_square(data.small["middle"], data.small["inner"]),
     ]
     figures = {
-        (one.name, one.axis or ""): Figure(one.value or 0.0, _combined(one, data))
-        for one in estimates
+        (estimate.name, estimate.axis or ""): Figure(
+            estimate.value or 0.0, _combined(estimate, data)
+        )
+        for estimate in estimates
     }
     turned = {axis: _turned(data.small[axis]) for axis in AXES}
     flags = causes_of(turned, _turned(data.upright), figures)
@@ -127,7 +129,7 @@ def analyse(data: MotionDataset) -> Analysis:
 
 def leans_of(data: MotionDataset) -> Leans:
     """Return what the levels say; see the module for how."""
-    x, y = (np.array([one.force_g[k] for one in data.levels]) * DEG_PER_G for k in (0, 1))
+    x, y = (np.array([level.force_g[k] for level in data.levels]) * DEG_PER_G for k in (0, 1))
     outer, middle, inner = SIGNS.T
     towards_x = float(np.mean(x * middle * outer))
     towards_y = -float(np.mean(y * inner * outer))
@@ -139,7 +141,7 @@ def leans_of(data: MotionDataset) -> Leans:
         np.array([towards_x, towards_y]),
         float(np.mean(y * inner)) - towards_y,
         pitch - towards_x - float(np.mean(x * middle)),
-        float(np.max([one.u_g for one in (*data.levels, data.turned)]))
+        float(np.max([level.u_g for level in (*data.levels, data.turned)]))
         * DEG_PER_G
         / math.sqrt(2.0),
     )
@@ -178,9 +180,9 @@ def _off_square(middle: Turn, inner: Turn) -> Estimate:
 
     Gravity does not feel it: a lean within the plate's plane is a heading.
     """
-    along = [one.felt / max(float(np.linalg.norm(one.felt)), 1e-9) for one in (middle, inner)]
+    along = [turn.felt / max(float(np.linalg.norm(turn.felt)), 1e-9) for turn in (middle, inner)]
     value_deg = math.degrees(math.asin(float(along[0] @ along[1])))
-    turned_deg = min(float(np.abs(one.encoder_deg).sum()) for one in (middle, inner))
+    turned_deg = min(float(np.abs(turn.encoder_deg).sum()) for turn in (middle, inner))
     noise_deg = math.degrees(2.0 * max(middle.gyro_u_deg, inner.gyro_u_deg) / turned_deg)
     method = "directions of small turns along the sensor's gyros"
     by = {MISALIGNMENT: math.sqrt(2.0)}
@@ -211,11 +213,11 @@ def _rate_ratio(axis: str, data: MotionDataset) -> Estimate:
     return Estimate("rate_ratio", axis, float(ratios.mean()), "1", u, ratios.size - 1.0, method)
 
 
-def _combined(one: Estimate, data: MotionDataset) -> float:
+def _combined(estimate: Estimate, data: MotionDataset) -> float:
     known = {PLACING: data.placing_u_deg, SCALE: data.scale_u, ENCODER: data.encoder_u_deg}
     known |= {VERTICAL: data.vertical_u_deg, MISALIGNMENT: data.misalignment_u_deg}
-    parts = [one.sensitivities[name] * known[name] for name in one.sensitivities]
-    return math.hypot(one.standard_uncertainty or 0.0, *parts)
+    parts = [estimate.sensitivities[name] * known[name] for name in estimate.sensitivities]
+    return math.hypot(estimate.standard_uncertainty or 0.0, *parts)
 
 
 def _turned(turn: Turn) -> Turned:

@@ -73,9 +73,9 @@ def _senses(turned: Mapping[str, Turned], upright: Turned) -> Iterator[Flag]:
         )
         yield Flag("sensor-upside-down", message)
         return
-    still = [axis for axis, one in turned.items() if np.abs(one.by_gyro).max() < FOLLOWS]
+    still = [axis for axis, turn in turned.items() if np.abs(turn.by_gyro).max() < FOLLOWS]
     felt = {axis: sense * float(turned[axis].by_gravity[k]) for axis, (k, sense) in LEVEL.items()}
-    if still or any(abs(one) < FOLLOWS for one in felt.values()):
+    if still or any(abs(share) < FOLLOWS for share in felt.values()):
         yield _otherwise(still, felt)
         return
     senses = {axis: float(np.sign(value)) for axis, value in felt.items()}
@@ -147,9 +147,9 @@ def _named(senses: dict[str, float], gyros: Array) -> Iterator[Flag]:
 
 
 def _figures(figures: Figures, name: str) -> Iterator[Flag]:
-    for (what, axis), one in figures.items():
-        if what == name and one.is_off(1.0, TURN_RATIO):
-            off_by = 100.0 * (one.value - 1.0)
+    for (what, axis), figure in figures.items():
+        if what == name and figure.is_off(1.0, TURN_RATIO):
+            off_by = 100.0 * (figure.value - 1.0)
             message = (
                 f"Turns of the {axis} axis are {off_by:+.2g} % by the sensor's gyro against the "
                 "encoder: its counts per turn, or the gyro's scale factor."
@@ -158,9 +158,9 @@ def _figures(figures: Figures, name: str) -> Iterator[Flag]:
 
 
 def _rates(figures: Figures) -> Iterator[Flag]:
-    for (what, axis), one in figures.items():
-        if what == "rate_ratio" and one.is_off(1.0, RATE_RATIO):
-            off_by = 100.0 * (one.value - 1.0)
+    for (what, axis), figure in figures.items():
+        if what == "rate_ratio" and figure.is_off(1.0, RATE_RATIO):
+            off_by = 100.0 * (figure.value - 1.0)
             message = (
                 f"The rate of the {axis} axis reads back {off_by:+.2g} % off its set-point: look "
                 "at its controller's units and scale."
@@ -169,10 +169,10 @@ def _rates(figures: Figures) -> Iterator[Flag]:
 
 
 def _zeros(figures: Figures) -> Iterator[Flag]:
-    for (what, axis), one in figures.items():
-        if what == "encoder_zero" and one.is_off(0.0, ENCODER_ZERO_DEG):
+    for (what, axis), figure in figures.items():
+        if what == "encoder_zero" and figure.is_off(0.0, ENCODER_ZERO_DEG):
             message = (
-                f"At zero of the {axis} axis' encoder the plate is {one.value:+.2g} deg off the "
+                f"At zero of the {axis} axis' encoder the plate is {figure.value:+.2g} deg off the "
                 "level: set the encoder's zero anew."
             )
             yield Flag("table-zero-off", message, axis)
@@ -184,10 +184,11 @@ def _leans(figures: Figures) -> Iterator[Flag]:
         "middle": "the level: the yoke is out of true",
         "inner": "its plate: the plate is out of true",
     }
-    for (what, axis), one in figures.items():
-        if what == "axis_lean" and one.is_off(0.0, AXIS_LEAN_DEG):
+    for (what, axis), figure in figures.items():
+        if what == "axis_lean" and figure.is_off(0.0, AXIS_LEAN_DEG):
             message = (
-                f"The {axis} axis of the table leans by {one.value:.2g} deg out of {out_of[axis]}."
+                f"The {axis} axis of the table leans by {figure.value:.2g} deg out of "
+                f"{out_of[axis]}."
             )
             yield Flag("table-axis-leans", message, axis)
     square = figures.get(("axes_off_square", ""))

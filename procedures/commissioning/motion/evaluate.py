@@ -77,13 +77,13 @@ def dataset_of_run(
     def level(unit: str) -> Level:
         return mean_of(sensed(folder, unit, parameters).force_g)
 
-    found = {turn.unit: turn_of(folder, turn, parameters) for turn in parameters.turns}
-    small = {turn.axis: found[turn.unit] for turn in parameters.small_turns[: len(AXES)]}
+    by_unit = {turn.unit: turn_of(folder, turn, parameters) for turn in parameters.turns}
+    small = {turn.axis: by_unit[turn.unit] for turn in parameters.small_turns[: len(AXES)]}
     whole = parameters.turns[len(parameters.small_turns) :]
     return MotionDataset(
         small,
-        found[parameters.small_turns[-1].unit],
-        {turn.axis: found[turn.unit] for turn in whole},
+        by_unit[parameters.small_turns[-1].unit],
+        {turn.axis: by_unit[turn.unit] for turn in whole},
         tuple(level(level_unit(angles_deg)) for angles_deg in HALF_TURNS),
         level(TURNED_UNIT),
         parameters.placing_deg,

@@ -90,7 +90,7 @@ class MotionParameters(StrictModel):
 
 def level_unit(angles_deg: Angles) -> str:
     """Return the name of the unit of work at rest at outer, middle and inner angles."""
-    return f"level at {', '.join(f'{one:g}' for one in angles_deg)} deg"
+    return f"level at {', '.join(f'{angle_deg:g}' for angle_deg in angles_deg)} deg"
 
 
 TURNED_UNIT = "level, sensor turned on its plate"

@@ -64,5 +64,5 @@ def sensed(folder: RunFolder, unit: str, parameters: MotionParameters) -> Sensed
 
 def attitude_of(rows: NDArray[Any]) -> Array:
     """Return a navigator's axes along north, east, down as columns, shape (n, 3, 3)."""
-    angles = np.column_stack([rows[f"{one}_deg"] for one in ("heading", "pitch", "roll")])
+    angles = np.column_stack([rows[f"{angle}_deg"] for angle in ("heading", "pitch", "roll")])
     return np.asarray(Rotation.from_euler("ZYX", angles, degrees=True).as_matrix())

@@ -123,7 +123,7 @@ def records(parameters: MotionParameters, bench: Bench) -> tuple[RecordUse, ...]
 
 def check(parameters: MotionParameters, bench: Bench) -> Iterator[Problem]:
     """Yield axes that the bench file does not name, and a rate that the sensor does not have."""
-    table, sensor = (bench.instruments.get(one) for one in (TURNTABLE, parameters.device))
+    table, sensor = (bench.instruments.get(name) for name in (TURNTABLE, parameters.device))
     if table is not None:
         for what in unnamed_axes(TURNTABLE, table.settings):
             yield Problem(("parameters", "checks"), f"{what}, or leave out motion")

@@ -44,11 +44,11 @@ class Line:
 
 def analyse(data: PickUpDataset) -> Analysis:
     """Return the line of each coil, and a flag for each that is beyond the limit."""
-    lines = {coil: line_of(one) for coil, one in data.readings.items()}
+    lines = {coil: line_of(reading) for coil, reading in data.readings.items()}
     method = "least squares of a sine beside an offset and a drift"
     estimates = [
-        Estimate("pick_up", coil, one.amplitude_uV, "uV", one.u_uV, one.freedom, method)
-        for coil, one in ((coil, lines[coil]) for coil in COILS)
+        Estimate("pick_up", coil, line.amplitude_uV, "uV", line.u_uV, line.freedom, method)
+        for coil, line in ((coil, lines[coil]) for coil in COILS)
     ]
     return Analysis(estimates, (), causes_of(lines))
 
@@ -59,13 +59,13 @@ def causes_of(lines: Mapping[str, Line]) -> tuple[Flag, ...]:
     if not beyond:
         return ()
     worst = max(beyond, key=lambda coil: lines[coil].amplitude_uV)
-    one, room_uV = lines[worst], lines[OFF].amplitude_uV
+    line, room_uV = lines[worst], lines[OFF].amplitude_uV
     seen = (
-        f"The voltmeter reads up to {one.amplitude_uV:.3g} uV (u = {one.u_uV:.1g} uV) at the drive "
-        f"frequency of coil {worst}, the device off"
+        f"The voltmeter reads up to {line.amplitude_uV:.3g} uV (u = {line.u_uV:.1g} uV) at the "
+        f"drive frequency of coil {worst}, the device off"
     )
-    details = {"coils": beyond, "amplitude_uV": one.amplitude_uV}
-    if room_uV > OF_ROOM * one.amplitude_uV:
+    details = {"coils": beyond, "amplitude_uV": line.amplitude_uV}
+    if room_uV > OF_ROOM * line.amplitude_uV:
         message = (
             f"{seen}, and {room_uV:.3g} uV with all coils off: the line is not the coil's. Look "
             "for what else repeats so often, or choose another frequency."
@@ -77,7 +77,9 @@ def causes_of(lines: Mapping[str, Line]) -> tuple[Flag, ...]:
 
 def beyond_range(over: Sequence[str], range_V: float) -> Analysis:
     """Return that nothing is determined: readings with coils `over` driven exceed the range."""
-    driven = " and ".join("all coils off" if one == OFF else f"coil {one} driven" for one in over)
+    driven = " and ".join(
+        "all coils off" if coil == OFF else f"coil {coil} driven" for coil in over
+    )
     message = (
         f"The voltmeter reads beyond its range of {range_V:g} V with {driven}, the device off: its "
         "leads are open, or another voltage is on them."

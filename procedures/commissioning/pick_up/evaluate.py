@@ -24,9 +24,11 @@ UV_PER_V = 1e6
 def findings(folder: RunFolder, parameters: PickUpParameters, bench: Bench) -> Findings:
     """Return the lines of all coils; a run without all its records gives none."""
     finished = folder.finished_units()
-    if missing := [unit_of(one) for one in (OFF, *COILS) if unit_of(one) not in finished]:
+    if missing := [unit_of(coil) for coil in (OFF, *COILS) if unit_of(coil) not in finished]:
         return findings_of(not_measured("pick_up", RESULTS, missing), None, [])
-    if over := [one for one in (OFF, *COILS) if folder.rows(METER, unit_of(one))["overload"].any()]:
+    if over := [
+        coil for coil in (OFF, *COILS) if folder.rows(METER, unit_of(coil))["overload"].any()
+    ]:
         return findings_of(beyond_range(over, RANGE_V), None, [])
     data = PickUpDataset({coil: readings_of(folder, unit_of(coil)) for coil in (OFF, *COILS)})
     return findings_of(analyse(data), data, [])

@@ -119,15 +119,15 @@ def analyse(data: ProbeDataset) -> ProbeFit:
     steps = 1e-3 * scale
     jacobian = np.column_stack(
         [
-            (figures(unknown + one) - figures(unknown - one)) / (2.0 * one.sum())
-            for one in np.diag(steps)
+            (figures(unknown + step) - figures(unknown - step)) / (2.0 * step.sum())
+            for step in np.diag(steps)
         ]
     )
     u = np.sqrt(np.diag(jacobian @ covariance @ jacobian.T))
     names = [("probe_offset", "mm"), ("probe_field_error", "1"), ("homogeneity", "1")]
     estimates = [
         Estimate(name, axis, float(values[i]), unit, float(u[i]), freedom, METHOD)
-        for i, (name, unit, axis) in enumerate((*one, axis) for one in names for axis in COILS)
+        for i, (name, unit, axis) in enumerate((*named, axis) for named in names for axis in COILS)
     ]
     flags = off_centre(values[:N], values[N : 2 * N], u[N : 2 * N])
     return ProbeFit(estimates, (), flags, unknown[RADIUS])
@@ -152,8 +152,8 @@ def gradient(unknown: Array, point_mm: Array) -> Array:
     """Return the size of each share's gradient in 1/mm, shape (places, 3)."""
     steps = np.eye(N)
     slopes = [
-        (shares_at(point_mm + one, unknown) - shares_at(point_mm - one, unknown)) / 2.0
-        for one in steps
+        (shares_at(point_mm + step_mm, unknown) - shares_at(point_mm - step_mm, unknown)) / 2.0
+        for step_mm in steps
     ]
     return np.asarray(np.sqrt(np.sum(np.square(slopes), axis=0)))
 

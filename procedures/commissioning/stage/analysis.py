@@ -83,13 +83,13 @@ def _of(name: str, value_deg: float, u_deg: float, by: Mapping[str, float], how:
 
 def _causes(estimates: list[Estimate], data: StageDataset) -> Iterator[Flag]:
     known = {MOUNTING: data.mounting_u_deg, ANGLE: data.angle_u_deg}
-    value = {one.name: one.value or 0.0 for one in estimates}
+    value = {estimate.name: estimate.value or 0.0 for estimate in estimates}
     u = {
-        one.name: math.hypot(
-            one.standard_uncertainty or 0.0,
-            *(share * known[name] for name, share in one.sensitivities.items()),
+        estimate.name: math.hypot(
+            estimate.standard_uncertainty or 0.0,
+            *(share * known[name] for name, share in estimate.sensitivities.items()),
         )
-        for one in estimates
+        for estimate in estimates
     }
 
     def is_off(name: str, limit: float) -> bool:

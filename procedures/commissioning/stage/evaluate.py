@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def findings(folder: RunFolder, parameters: StageParameters, bench: Bench) -> Findings:
     """Return the figures of the stage; a run without all their records gives none."""
     finished = folder.finished_units()
-    if missing := [one.unit for one in parameters.records if one.unit not in finished]:
+    if missing := [record.unit for record in parameters.records if record.unit not in finished]:
         return findings_of(not_measured("stage", RESULTS, missing), None, [])
     angle = list(bench.stated_input(STATED, ANGLE, "angle of the rotary stage"))
     angle_u_deg = angle[0].standard_uncertainty if angle else 0.0
@@ -49,14 +49,14 @@ def dataset_of_run(
         row = folder.rows(STAGE, record.unit)[0]
         return float(row["angle_deg"] - row["commanded_deg"])
 
-    turning = [one for one in parameters.records if one.plane == "io"]
-    along = [one for one in parameters.records if one.plane == "op"]
-    means = {one: burst(one) for one in parameters.records}
+    turning = [record for record in parameters.records if record.plane == "io"]
+    along = [record for record in parameters.records if record.plane == "op"]
+    means = {record: burst(record) for record in parameters.records}
     return StageDataset(
-        np.array([means[one][0] for one in turning]),
-        np.array([means[one][0] for one in along]),
+        np.array([means[record][0] for record in turning]),
+        np.array([means[record][0] for record in along]),
         max(u_V for _, u_V in means.values()),
-        np.array([beyond_deg(one) for one in turning]),
+        np.array([beyond_deg(record) for record in turning]),
         parameters.scale_factor_V_per_g,
         parameters.mounting_deg,
         angle_u_deg,

@@ -76,5 +76,5 @@ def check(parameters: StageParameters, bench: Bench) -> Iterator[Problem]:
         return
     driver = registry.load(registry.DRIVERS, meter.driver)
     if parameters.nplc not in driver.integration_cycles:
-        known = ", ".join(f"{one:g}" for one in driver.integration_cycles)
+        known = ", ".join(f"{cycles:g}" for cycles in driver.integration_cycles)
         yield Problem((*KEY, "nplc"), f"the {METER} integrates over {known} power-line cycles")

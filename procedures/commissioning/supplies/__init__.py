@@ -33,7 +33,7 @@ def is_possible(bench: Bench) -> bool:
 
 def fits(bench: Bench) -> Iterator[str]:
     """Yield that a probe of one axis is turned."""
-    yield from (one.replace(".coils.", ".supplies.") for one in fits_coils(bench))
+    yield from (fit.replace(".coils.", ".supplies.") for fit in fits_coils(bench))
 
 
 SUPPLY_PART = Part(

@@ -36,49 +36,49 @@ class SupplyRecord:
 def analyse(supplies: Sequence[SupplyRecord]) -> Analysis:
     """Return what the limits hold, the fields after a cut, and causes; ValueError for no record."""
     estimates, flags = list[Estimate](), list[Flag]()
-    for one in supplies:
-        limited, left = _limited(one), _left(one)
+    for supply in supplies:
+        limited, left = _limited(supply), _left(supply)
         estimates += [limited, left]
-        flags += _causes(one, limited, left)
+        flags += _causes(supply, limited, left)
     return Analysis(estimates, (), flags)
 
 
-def _limited(one: SupplyRecord) -> Estimate:
-    ratio, u = abs(one.flows_A) / one.limit_A, one.current_u_A / one.limit_A
+def _limited(supply: SupplyRecord) -> Estimate:
+    ratio, u = abs(supply.flows_A) / supply.limit_A, supply.current_u_A / supply.limit_A
     method = "the current that flows over the limit that is programmed"
-    return Estimate("own_limit_ratio", one.coil, ratio, "1", u, None, method)
+    return Estimate("own_limit_ratio", supply.coil, ratio, "1", u, None, method)
 
 
-def _left(one: SupplyRecord) -> Estimate:
-    readings = min(len(one.before_mT), len(one.after_mT))
+def _left(supply: SupplyRecord) -> Estimate:
+    readings = min(len(supply.before_mT), len(supply.after_mT))
     if readings < 2:
         raise ValueError("a mean of the field needs two readings")
-    left_mT = float(one.after_mT.mean() - one.before_mT.mean())
+    left_mT = float(supply.after_mT.mean() - supply.before_mT.mean())
     u_mT = math.hypot(
-        *(float(np.std(x, ddof=1)) / math.sqrt(len(x)) for x in (one.before_mT, one.after_mT))
+        *(float(np.std(x, ddof=1)) / math.sqrt(len(x)) for x in (supply.before_mT, supply.after_mT))
     )
-    freedom = float(len(one.before_mT) + len(one.after_mT) - 2)
+    freedom = float(len(supply.before_mT) + len(supply.after_mT) - 2)
     by = {GAIN: left_mT}
     method = "after less before"
-    return Estimate("field_after_cut", one.coil, left_mT, "mT", u_mT, freedom, method, by)
+    return Estimate("field_after_cut", supply.coil, left_mT, "mT", u_mT, freedom, method, by)
 
 
-def _causes(one: SupplyRecord, limited: Estimate, left: Estimate) -> Iterator[Flag]:
+def _causes(supply: SupplyRecord, limited: Estimate, left: Estimate) -> Iterator[Flag]:
     if _beyond(limited, OWN_LIMIT):
         message = (
-            f"The supply of coil {one.coil} gives {abs(one.flows_A):.3g} A at a limit of its own "
-            f"of {one.limit_A:g} A: the limit does not act. Only the station's interlocks protect "
-            "the coil; have the supply repaired, or its interface card."
+            f"The supply of coil {supply.coil} gives {abs(supply.flows_A):.3g} A at a limit of its "
+            f"own of {supply.limit_A:g} A: the limit does not act. Only the station's interlocks "
+            "protect the coil; have the supply repaired, or its interface card."
         )
-        yield Flag("own-limit-does-not-act", message, one.coil)
+        yield Flag("own-limit-does-not-act", message, supply.coil)
     if _beyond(left, FIELD_AFTER_CUT_MT):
         message = (
-            f"Coil {one.coil} still makes {left.value:.3g} mT after its output is off: current "
+            f"Coil {supply.coil} still makes {left.value:.3g} mT after its output is off: current "
             "flows that the supply does not show. Switch it off at the mains; do not use it."
         )
-        yield Flag("output-stays-on", message, one.coil)
+        yield Flag("output-stays-on", message, supply.coil)
 
 
-def _beyond(one: Estimate, limit: float) -> bool:
-    assert one.value is not None and one.standard_uncertainty is not None
-    return abs(one.value) - COVERAGE * one.standard_uncertainty > limit
+def _beyond(estimate: Estimate, limit: float) -> bool:
+    assert estimate.value is not None and estimate.standard_uncertainty is not None
+    return abs(estimate.value) - COVERAGE * estimate.standard_uncertainty > limit
