@@ -309,11 +309,7 @@ class Keysight33522B(ScpiDevice):
         channel.on = on
 
     def _bus_trigger(self) -> None:
-        waiting = [
-            channel
-            for channel in self._channels.values()
-            if channel.waits and channel.source == "BUS"
-        ]
+        waiting = [c for c in self._channels.values() if c.waits and c.source == "BUS"]
         if not waiting:
             raise ScpiError(-211)
         for channel in waiting:

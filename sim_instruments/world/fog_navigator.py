@@ -242,15 +242,13 @@ class Navigator:
         self._mounting = small_rotation(truth, "mounting_error").T
         alignment = truth.section("alignment")
         self._takes_s = alignment.quantity("duration", "s")
-        level, heading = (
-            alignment.quantity(f"{angle}_error", "rad") for angle in ("level", "heading")
-        )
+        level, heading = (alignment.quantity(f"{of}_error", "rad") for of in ("level", "heading"))
         self._misaligned_rad = np.array([level, level, heading])
         levels_in_s = truth.quantity("levelling", "s")
         if min(levels_in_s, self._takes_s) <= 0.0:
             raise SimulationError(f"{truth.where}: times must be positive")
         self._levelling = 1.0 / levels_in_s
-        level, heading = (truth.quantity(f"{angle}_noise", "rad") for angle in ("level", "heading"))
+        level, heading = (truth.quantity(f"{of}_noise", "rad") for of in ("level", "heading"))
         sigma = np.array([level, level, heading])
         self._noise = Readings(sigma, NOISE_CELL_S, generator(seed, "navigator-noise"))
         self.powered = False
@@ -277,9 +275,7 @@ class Navigator:
 
     def aligned(self, time_s: float) -> bool:
         """Return whether it knows its attitude at a time, by the commands of the table so far."""
-        return any(
-            self._ready_s(alignment) <= time_s < alignment.end_s for alignment in self._alignments
-        )
+        return any(self._ready_s(past) <= time_s < past.end_s for past in self._alignments)
 
     def attitude_deg(self, time_s: Array) -> Array:
         """Return heading (0 to 360), pitch and roll at each time, (times, 3); zeros unaligned."""

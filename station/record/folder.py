@@ -185,7 +185,7 @@ class RunFolder:
         self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
         self._indices: dict[Path, RawIndex] = {}
-        self._found: dict[Hashable, Any] = {}
+        self._kept: dict[Hashable, Any] = {}
         self.left_out: frozenset[str] = frozenset()
         """Finished units of work that count as not measured, since their data are damaged."""
 
@@ -280,9 +280,9 @@ class RunFolder:
 
     def once(self, name: Hashable, find: Callable[[], Kept]) -> Kept:
         """Return what `find` found when it was asked for by this name for the first time."""
-        if name not in self._found:
-            self._found[name] = find()
-        kept: Kept = self._found[name]
+        if name not in self._kept:
+            self._kept[name] = find()
+        kept: Kept = self._kept[name]
         return kept
 
     def recorded_blocks(self, source: str, unit: str, every: int = 1) -> list[NDArray[Any]]:

@@ -219,7 +219,7 @@ class ReplayPort:
 
     def write(self, data: bytes) -> None:
         """Hold what a driver sends against the transcript, at its recorded time or later."""
-        place = self._found(data)
+        place = self._place_of(data)
         if place is None:
             return
         entry = self._entries[place]
@@ -253,7 +253,7 @@ class ReplayPort:
     def close(self) -> None:
         """Nothing is left behind."""
 
-    def _found(self, data: bytes) -> int | None:
+    def _place_of(self, data: bytes) -> int | None:
         """Return which entry a message is; a deviation is noted, and stands for what it is like."""
         wire = self._wire
         wire.deviations.exchanges += 1

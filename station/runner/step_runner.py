@@ -62,13 +62,10 @@ class StepRunner:
         self._session = session
         self._bench_file = bench_file
         self._trace = trace
-        self._found: dict[str, Identified] = {}
+        self._opened: dict[str, Identified] = {}
         needed = procedure.instruments(run.parameters)
         self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
-        self._needed = {
-            *needed,
-            *(name for interlock in self._interlocks for name in interlock.instruments),
-        }
+        self._needed = {*needed}.union(*(interlock.instruments for interlock in self._interlocks))
         self._guardian: Guardian | None = None
         self._awake: StayingAwake | None = None
         self._monitor: Monitor | None = None
@@ -193,7 +190,7 @@ class StepRunner:
     def _open(self) -> None:
         """Open and identify what the plan needs and what its interlocks look at."""
         run, bench = self._run, self._run.bench
-        self._found = open_instruments(
+        self._opened = open_instruments(
             bench,
             self._needed,
             self._session.addresses,
@@ -203,11 +200,11 @@ class StepRunner:
             self._run.readings,
             None if self._session.here else self._locks,
         )
-        run.instruments = {name: identified.instrument for name, identified in self._found.items()}
-        for name, identified in self._found.items():
-            run.record.event("identified", instrument=name, **vars(identified.identity))
+        run.instruments = {name: opened.instrument for name, opened in self._opened.items()}
+        for name, opened in self._opened.items():
+            run.record.event("identified", instrument=name, **vars(opened.identity))
         if self._session.real:
-            refuse_identified(self._bench_file, self._said(self._found))
+            refuse_identified(self._bench_file, self._said(self._opened))
         self._read_before()
 
     def _said(self, names: Iterable[str]) -> dict[str, tuple[str, str]]:
@@ -216,7 +213,7 @@ class StepRunner:
         said = {}
         for name in names:
             for shared in entries[name].shares or (name,):
-                identity = self._found[shared].identity if shared in self._found else None
+                identity = self._opened[shared].identity if shared in self._opened else None
                 known = (identity.model, identity.serial) if identity else ("", "")
                 said[entries[shared].address or ""] = known
         return said
@@ -233,7 +230,7 @@ class StepRunner:
         self._run.live.interlocks = self._monitor.looks
         if self._guardian is not None:
             # What is reached over another's line has no rest of its own to be brought to.
-            names = [name for name in self._found if not self._run.bench.instruments[name].shares]
+            names = [name for name in self._opened if not self._run.bench.instruments[name].shares]
             self._guardian.watch(names, self._locks)
         if self._awake is not None and (why := self._awake.refused()):
             self._run.record.event("sleep-allowed", message=f"the computer may go to sleep: {why}")
@@ -282,9 +279,9 @@ class StepRunner:
     def _close(self) -> None:
         if self._monitor is not None:
             self._monitor.wait_until_stopped()
-        for identified in self._found.values():
+        for opened in self._opened.values():
             with suppress(Exception):  # a line that is gone keeps no other from being closed
-                identified.instrument.close()
+                opened.instrument.close()
         if self._awake is not None:
             self._awake.end()
         if self._trace is not None:
@@ -339,11 +336,8 @@ class StepRunner:
         if trip is None or self._session.replayed:
             return
         if self._session.real:
-            concerned = {
-                name
-                for name, identified in self._found.items()
-                if isinstance(identified.instrument, MadeSafe)
-            }
+            opened = self._run.instruments
+            concerned = {name for name in opened if isinstance(opened[name], MadeSafe)}
             for interlock in self._interlocks:
                 if interlock.name == trip.name:
                     concerned |= interlock.instruments
