@@ -37,13 +37,13 @@ def mount(run: Run) -> None:
 
 def rest(run: Run) -> None:
     """Claim 1: in each position the output at rest for the first preset time."""
-    from .measuring import need_sensor_well, stand
+    from .measuring import measure_position, need_sensor_well
 
     positions = run.parameters.all_positions
     for number, position in enumerate(positions, 1):
         if not run.is_finished(position_unit(position)):
             need_sensor_well(run)
-        stand(run, position, f"position {position}, {number} of {len(positions)}")
+        measure_position(run, position, f"position {position}, {number} of {len(positions)}")
 
 
 def biases(run: Run) -> None:
@@ -57,14 +57,16 @@ def rotate(run: Run) -> None:
 
     turns = run.parameters.all_turns
     for axis in AXES:
-        own = [one for one in turns if one.axis == axis and not run.is_finished(one.unit)]
+        own = [
+            record for record in turns if record.axis == axis and not run.is_finished(record.unit)
+        ]
         if not own:
             continue
         make_table_ready(run)
         turn_up(run, axis)
         need_sensor_well(run)
-        for one in own:
-            turn(run, one, f"record {turns.index(one) + 1} of {len(turns)}, {one.unit}")
+        for record in own:
+            turn(run, record, f"record {turns.index(record) + 1} of {len(turns)}, {record.unit}")
 
 
 def scale_factors(run: Run) -> None:
@@ -80,14 +82,16 @@ def say_published(run: Run, name: str) -> None:
 
     kinds = (POSITION,) if name == "bias" else (TURN,)
     dataset = dataset_of_run(run.read_back(), run.parameters, run.bench, kinds)
-    turned = sorted({one.axis for one in dataset.turns})
+    turned = sorted({record.axis for record in dataset.turns})
     values = []
-    for one in published_values(dataset, turned):
-        if one.name != name or one.value is None:
+    for published in published_values(dataset, turned):
+        if published.name != name or published.value is None:
             continue
         unit = UNITS[name]
-        run.record.event("published-value", name=name, axis=one.axis, value=one.value, unit=unit)
-        values.append(f"{one.axis} {one.value:.7g}{'' if unit == '1' else f' {unit}'}")
+        run.record.event(
+            "published-value", name=name, axis=published.axis, value=published.value, unit=unit
+        )
+        values.append(f"{published.axis} {published.value:.7g}{'' if unit == '1' else f' {unit}'}")
     if values:
         run.progress.say(f"    as published, {name}: {', '.join(values)}")
 

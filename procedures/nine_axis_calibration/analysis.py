@@ -73,10 +73,10 @@ def analyse(
     clean, saturated, at_rest = without_saturated(dataset)
     clean, *frozen = without_frozen(clean)
     horizontal = float(np.linalg.norm(earth_rate(dataset.latitude_deg)[:2]))
-    turned = sorted({one.axis for one in dataset.turns})
+    turned = sorted({turn.axis for turn in dataset.turns})
     means = {
         axis: axis_means(
-            [one for one in clean.turns if one.axis == axis], settings.outlier, horizontal
+            [turn for turn in clean.turns if turn.axis == axis], settings.outlier, horizontal
         )
         for axis in turned
     }
@@ -89,7 +89,7 @@ def analyse(
         static, dataset.latitude_deg, dataset.prior, np.diag(gain), settings.pose.acceleration_g
     )
     # Where the statement makes right positions look wrong no bias can be had from it.
-    lost = rotation is not None and not all(one.pose.right for one in static)
+    lost = rotation is not None and not all(summary.pose.right for summary in static)
     usable = () if lost else static
     bias = _biases(usable, dataset.latitude_deg, dataset.prior, gain, gain_u)
     wider = _wider(bias)
@@ -122,10 +122,10 @@ def analyse(
 def gain_matrix(axes: Mapping[int, ScaleSolution | None]) -> tuple[Array, Array]:
     """Return gyro j's output per rate about axis i in [j, i] with its u, NaN where unknown."""
     gain, u = np.full((3, 3), np.nan), np.full((3, 3), np.nan)
-    for axis, one in axes.items():
-        if one is None:
+    for axis, solution in axes.items():
+        if solution is None:
             continue
-        for gyro, value in {axis: one.scale_factor, **one.cross}.items():
+        for gyro, value in {axis: solution.scale_factor, **solution.cross}.items():
             gain[gyro, axis], u[gyro, axis] = value.value, value.standard_uncertainty
     return gain, u
 
@@ -145,22 +145,22 @@ def _static(
     records = dataset.static
     if not records:
         return (), np.zeros(3), np.zeros(3), np.zeros(3)
-    times = [one.time_s for one in records]
+    times = [record.time_s for record in records]
     interval_s = interval_of(times)
     gyros, accelerometers = [], []
     for axis in range(3):
-        rates = [one.rate_deg_per_h[:, axis] for one in records]
+        rates = [record.rate_deg_per_h[:, axis] for record in records]
         gyros.append(means_of(rates, times, interval_s, settings.outlier))
-        accelerations = [one.acceleration_g[:, axis] for one in records]
+        accelerations = [record.acceleration_g[:, axis] for record in records]
         accelerometers.append(means_of(accelerations, times, interval_s, settings.outlier))
-    gyro = np.array([one.value for one in gyros]).T
-    gyro_u = np.array([one.standard_uncertainty for one in gyros]).T
-    acceleration = np.array([one.value for one in accelerometers]).T
+    gyro = np.array([gyro.value for gyro in gyros]).T
+    gyro_u = np.array([gyro.standard_uncertainty for gyro in gyros]).T
+    acceleration = np.array([accelerometer.value for accelerometer in accelerometers]).T
     if inertial is not None:
         acceleration = inertial.force_in_base(acceleration)
-    repeated = np.array([np.nanmedian(one.rate_deg_per_h, axis=0) for one in as_recorded])
+    repeated = np.array([np.nanmedian(record.rate_deg_per_h, axis=0) for record in as_recorded])
     poses = check_together(
-        [one.position for one in records],
+        [record.position for record in records],
         np.where(np.isfinite(gyro), gyro, repeated),
         np.nan_to_num(gyro_u),
         acceleration,
@@ -169,7 +169,7 @@ def _static(
     )
     summaries = []
     for n, record in enumerate(records):
-        kept = np.column_stack([one.kept[n] for one in gyros])
+        kept = np.column_stack([gyro.kept[n] for gyro in gyros])
         deviations = _allan(record, kept, interval_s) if allan else ()
         summaries.append(
             StaticSummary(
@@ -177,24 +177,26 @@ def _static(
                 gyro[n],
                 gyro_u[n],
                 acceleration[n],
-                np.array([one.standard_uncertainty[n] for one in accelerometers]),
+                np.array(
+                    [accelerometer.standard_uncertainty[n] for accelerometer in accelerometers]
+                ),
                 poses[n],
                 kept,
                 deviations,
             )
         )
-    freedom = np.array([one.degrees_of_freedom for one in gyros])
-    wander, rounding = np.array([(one.wander, one.rounding) for one in gyros]).T
+    freedom = np.array([gyro.degrees_of_freedom for gyro in gyros])
+    wander, rounding = np.array([(gyro.wander, gyro.rounding) for gyro in gyros]).T
     return tuple(summaries), freedom, wander, rounding
 
 
 def _allan(record: StaticRecord, kept: Mask, interval_s: float) -> tuple[AllanDeviation, ...]:
-    found = []
+    deviations = []
     for axis in range(3):
         good = kept[:, axis]
         index = grid_index(record.time_s[good], interval_s) if good.any() else None
-        found.append(allan_deviation(record.rate_deg_per_h[good, axis], interval_s, index))
-    return tuple(found)
+        deviations.append(allan_deviation(record.rate_deg_per_h[good, axis], interval_s, index))
+    return tuple(deviations)
 
 
 def _noise(
@@ -203,13 +205,13 @@ def _noise(
     """Return each gyro's noise coefficients from its longest static records together."""
     if not static:
         return (None, None, None)
-    longest = static[int(np.argmax([len(one.time_s) for one in dataset.static]))]
-    found = []
+    longest = static[int(np.argmax([len(record.time_s) for record in dataset.static]))]
+    coefficients = []
     for axis, first in enumerate(longest.allan):
-        own = [one.allan[axis] for one in static]
-        alike = [one for one in own if np.array_equal(one.tau_s, first.tau_s)]
-        found.append(noise_coefficients(pooled_deviation(alike).beyond(UNFILTERED_S)))
-    return tuple(found)
+        own = [summary.allan[axis] for summary in static]
+        alike = [deviation for deviation in own if np.array_equal(deviation.tau_s, first.tau_s)]
+        coefficients.append(noise_coefficients(pooled_deviation(alike).beyond(UNFILTERED_S)))
+    return tuple(coefficients)
 
 
 def _biases(
@@ -221,18 +223,20 @@ def _biases(
 ) -> BiasSolution | None:
     """Return the biases from the positions that were right; None without any."""
     right = [
-        one
-        for one in static
-        if one.pose.right and np.all(one.gyro_u > 0.0) and np.isfinite(one.accelerometer).all()
+        summary
+        for summary in static
+        if summary.pose.right
+        and np.all(summary.gyro_u > 0.0)
+        and np.isfinite(summary.accelerometer).all()
     ]
     if not right:
         return None
     means = StaticMeans(
-        tuple(one.position for one in right),
-        np.array([one.gyro for one in right]),
-        np.array([one.gyro_u for one in right]),
-        np.array([one.accelerometer for one in right]),
-        np.array([one.accelerometer_u for one in right]),
+        tuple(summary.position for summary in right),
+        np.array([summary.gyro for summary in right]),
+        np.array([summary.gyro_u for summary in right]),
+        np.array([summary.accelerometer for summary in right]),
+        np.array([summary.accelerometer_u for summary in right]),
     )
     return solve_biases(means, latitude_deg, prior, _gyro_gain(gain, gain_u, prior))
 

@@ -73,15 +73,21 @@ def denied_rotation(
     of them can be determined, the gyros say nothing: None. `scale_factor` (3,) is what the turns
     found, NaN where nothing.
     """
-    level = [one for one in static if one.pose.off_g <= off_g and np.isfinite(one.gyro).all()]
+    level = [
+        summary
+        for summary in static
+        if summary.pose.off_g <= off_g and np.isfinite(summary.gyro).all()
+    ]
     if not level:
         return None
     leans = [prior.tilt_rad, prior.relative_heading_rad, prior.misalignment_rad, SENSOR_LEANS_RAD]
     attitude = EARTH_RATE_deg_per_h * float(np.linalg.norm(leans))
     scale = np.where(plausible(scale_factor), scale_factor, 1.0)[:, None]
-    design = np.vstack([np.hstack((np.eye(3), scale * ATTITUDES[one.position])) for one in level])
-    data = np.concatenate([one.gyro for one in level])
-    size = np.hypot(np.concatenate([one.gyro_u for one in level]), attitude)
+    design = np.vstack(
+        [np.hstack((np.eye(3), scale * ATTITUDES[summary.position])) for summary in level]
+    )
+    data = np.concatenate([summary.gyro for summary in level])
+    size = np.hypot(np.concatenate([summary.gyro_u for summary in level]), attitude)
     freedom = len(data) - design.shape[1]
     weighted = design / size[:, None]
     if freedom < 1 or np.linalg.matrix_rank(weighted) < design.shape[1]:
@@ -99,15 +105,15 @@ def denied_rotation(
     along = solved[3:] / max(whole, 1e-9)
     size_u = float(np.sqrt(along @ covariance @ along))
     lean = np.array([-east * up, -north * up, across**2]) / max(across * whole**2, 1e-9)
-    found = Rotation(
+    rotation = Rotation(
         float(np.degrees(np.arctan2(up, across))),
         float(np.degrees(np.sqrt(lean @ covariance @ lean))),
         whole,
         size_u,
     )
     same = abs(whole - EARTH_RATE_deg_per_h) <= DENIED_SIGMAS * size_u
-    near = abs(found.latitude_deg - latitude_deg) <= DENIED_SIGMAS * found.latitude_u_deg
-    return None if same and near else found
+    near = abs(rotation.latitude_deg - latitude_deg) <= DENIED_SIGMAS * rotation.latitude_u_deg
+    return None if same and near else rotation
 
 
 def statement_flags(
@@ -121,9 +127,9 @@ def statement_flags(
     if rotation is not None:
         flags.append(_of_rotation(rotation, latitude_deg))
     for axis, solution in axes.items():
-        one = means[axis]
-        flags += _askew(axis, one, solution)
-        gains = one.output[:, axis] / one.rate
+        turned = means[axis]
+        flags += _askew(axis, turned, solution)
+        gains = turned.output[:, axis] / turned.rate
         gains = gains[np.isfinite(gains)]
         scale = solution.scale_factor.value if solution is not None else None
         if scale is None and len(gains):
@@ -148,7 +154,9 @@ def _askew(axis: int, means: AxisMeans, solution: ScaleSolution | None) -> list[
     lean, u = means.lean_rad
     seen = [lean] if lean > DENIED_SIGMAS * u else []
     if solution is not None:
-        seen += [abs(one.value / solution.scale_factor.value) for one in solution.cross.values()]
+        seen += [
+            abs(cross.value / solution.scale_factor.value) for cross in solution.cross.values()
+        ]
     if not seen or max(seen) <= MOST_LEAN_RAD or max(seen) > 1.0:
         return []
     lean = max(seen)
@@ -173,7 +181,9 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
             "sign and its minutes, then analyse again."
         )
         return contradiction("latitude", text, **details)
-    likely = [text for text, one in AT_REST.items() if abs(ratio - one) <= LIKE * max(one, 1e-5)]
+    likely = [
+        text for text, known in AT_REST.items() if abs(ratio - known) <= LIKE * max(known, 1e-5)
+    ]
     if abs(ratio) < 1e-6:
         likely = ["have the earth's rotation taken off"]
     cause = f"the rates {likely[0] if likely else 'have another unit or scale than turning'}. "
@@ -198,8 +208,8 @@ def record_flags(
     """
     flags = []
     for axis, name in enumerate(AXES):
-        solution, one = axes.get(axis), means.get(axis)
-        turning = one.rounding if one is not None else 0.0
+        solution, turned = axes.get(axis), means.get(axis)
+        turning = turned.rounding if turned is not None else 0.0
         if turning > 0.0 or rounding[axis] > 0.0:
             text = (
                 f"The output of gyro {name} has steps larger than its noise: a mean may be off by "
@@ -207,18 +217,20 @@ def record_flags(
                 "the uncertainties. Record with more digits."
             )
             flags.append(Flag("coarse-output", text, name))
-        if one is None:
+        if turned is None:
             continue
-        if one.graduation_deg > 0.0:
+        if turned.graduation_deg > 0.0:
             text = (
                 f"With {name} up the table's angle departs from even turns by "
-                f"{one.graduation_deg:.2g} deg once or twice a turn, and the gyro does not feel "
+                f"{turned.graduation_deg:.2g} deg once or twice a turn, and the gyro does not feel "
                 "it: it is the encoder's graduation and is taken off. Have the encoder looked at."
             )
-            details: dict[str, object] = {"what": "encoder", "amplitude_deg": one.graduation_deg}
+            details: dict[str, object] = {"what": "encoder", "amplitude_deg": turned.graduation_deg}
             flags.append(Flag("misfit", text, name, details))
         rates = [
-            float(rate) for rate, size in zip(one.commanded, one.restless, strict=True) if size
+            float(rate)
+            for rate, size in zip(turned.commanded, turned.restless, strict=True)
+            if size
         ]
         if rates:
             listed = ", ".join(f"{rate:g}" for rate in rates)

@@ -111,7 +111,7 @@ def without_saturated(
     its largest value, and does not at slower rates, counts as saturated.
     """
     range_deg_per_s = dataset.largest_rate_deg_per_s
-    found: list[Saturated] = []
+    saturated: list[Saturated] = []
     turns = []
     for record in dataset.turns:
         rate = record.rate_deg_per_s
@@ -125,7 +125,7 @@ def without_saturated(
             over[:, whole] = True
             record = replace(record, rate_deg_per_s=np.where(over, np.nan, rate))
             if count:
-                found.append(
+                saturated.append(
                     Saturated(
                         record.axis, record.commanded_deg_per_s, count, bool(whole[record.axis])
                     )
@@ -138,7 +138,7 @@ def without_saturated(
         if bool(over.any()):
             still = replace(still, rate_deg_per_h=np.where(over, np.nan, still.rate_deg_per_h))
         static.append(still)
-    return replace(dataset, static=tuple(static), turns=tuple(turns)), tuple(found), at_rest
+    return replace(dataset, static=tuple(static), turns=tuple(turns)), tuple(saturated), at_rest
 
 
 def _beyond(rate: Array, range_deg_per_s: float | None) -> Mask:
@@ -150,11 +150,11 @@ def _beyond(rate: Array, range_deg_per_s: float | None) -> Mask:
 def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
     """Return whether output stands at its largest value as it never does at slower rates."""
     slower = [
-        _at_the_top(one.rate_deg_per_s[:, one.axis])
-        for one in turns
-        if one.axis == record.axis
-        and abs(one.commanded_deg_per_s) < abs(record.commanded_deg_per_s)
-        and np.isfinite(one.rate_deg_per_s[:, one.axis]).any()
+        _at_the_top(turn.rate_deg_per_s[:, turn.axis])
+        for turn in turns
+        if turn.axis == record.axis
+        and abs(turn.commanded_deg_per_s) < abs(record.commanded_deg_per_s)
+        and np.isfinite(turn.rate_deg_per_s[:, turn.axis]).any()
     ]
     usual = float(np.median(slower)) if slower else 1.0
     share = _at_the_top(own)
@@ -177,16 +177,17 @@ def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]
     A stretch of ten samples that was there before, a value that stands still or a copy from
     elsewhere, measured nothing. Of a gyro's record that mostly repeats nothing counts.
     """
-    still, at_rest = _without_repeats([one.rate_deg_per_h for one in dataset.static])
-    sensed, also = _without_repeats([one.acceleration_g for one in dataset.static], most=1.0)
-    axes = [one.axis for one in dataset.turns]
-    spun, turning = _without_repeats([one.rate_deg_per_s for one in dataset.turns], axes)
+    still, at_rest = _without_repeats([record.rate_deg_per_h for record in dataset.static])
+    sensed, also = _without_repeats([record.acceleration_g for record in dataset.static], most=1.0)
+    axes = [record.axis for record in dataset.turns]
+    spun, turning = _without_repeats([record.rate_deg_per_s for record in dataset.turns], axes)
     static = tuple(
-        replace(one, rate_deg_per_h=rate, acceleration_g=force)
-        for one, rate, force in zip(dataset.static, still, sensed, strict=True)
+        replace(record, rate_deg_per_h=rate, acceleration_g=force)
+        for record, rate, force in zip(dataset.static, still, sensed, strict=True)
     )
     turns = tuple(
-        replace(one, rate_deg_per_s=rate) for one, rate in zip(dataset.turns, spun, strict=True)
+        replace(record, rate_deg_per_s=rate)
+        for record, rate in zip(dataset.turns, spun, strict=True)
     )
     return replace(dataset, static=static, turns=turns), max(at_rest, also), turning
 
@@ -207,14 +208,14 @@ def _without_repeats(
         if _usually_new([r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort])
         > ALWAYS_NEW
     }
-    found = [one.copy() for one in records]
+    copies = [record.copy() for record in records]
     places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
-    repeated = [np.zeros(one.shape, dtype=bool) for one in records]
+    repeated = [np.zeros(record.shape, dtype=bool) for record in records]
     again = repeated_windows([records[n][:, c] for n, c in places])
     for (n, c), own in zip(places, again, strict=True):
         repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
-        found[n][repeated[n][:, c], c] = np.nan
-    return found, sum(int(one.any(axis=1).sum()) for one in repeated)
+        copies[n][repeated[n][:, c], c] = np.nan
+    return copies, sum(int(repeats.any(axis=1).sum()) for repeats in repeated)
 
 
 def _usually_new(columns: Sequence[Array]) -> float:
@@ -222,12 +223,12 @@ def _usually_new(columns: Sequence[Array]) -> float:
 
     A long stretch that stands still does not count where it is the smaller part of its record.
     """
-    found = []
-    for one in columns:
-        if np.isfinite(one).sum() > 1:
-            _, lengths = equal_runs(one)
+    shares = []
+    for column in columns:
+        if np.isfinite(column).sum() > 1:
+            _, lengths = equal_runs(column)
             short = lengths[lengths < IN_A_ROW]
-            moving = 2 * int(short.sum()) > len(one)
-            changes = (len(lengths) - 1) / (len(one) - 1)
-            found.append(len(short) / int(short.sum()) if moving else changes)
-    return float(np.median(found)) if found else 0.0
+            moving = 2 * int(short.sum()) > len(column)
+            changes = (len(lengths) - 1) / (len(column) - 1)
+            shares.append(len(short) / int(short.sum()) if moving else changes)
+    return float(np.median(shares)) if shares else 0.0

@@ -180,10 +180,10 @@ def without_graduation(
     """
     used = [
         n
-        for n, one in enumerate(encoders)
-        if np.isfinite(one.angle_deg).all()
-        and not bool(one.unsteady.any())
-        and len(one.angle_deg) >= FEWEST_READINGS
+        for n, encoder in enumerate(encoders)
+        if np.isfinite(encoder.angle_deg).all()
+        and not bool(encoder.unsteady.any())
+        and len(encoder.angle_deg) >= FEWEST_READINGS
     ]
     if not used:
         return list(encoders), 0.0
@@ -210,9 +210,9 @@ def without_graduation(
     if not (felt < MOSTLY_ENCODER and felt_u < MOSTLY_ENCODER / SURE):
         return list(encoders), 0.0
     mended = list(encoders)
-    for n, one in enumerate(encoders):
-        angle_deg = one.angle_deg - _waves(one.angle_deg) @ amplitude
-        mended[n] = _retimed(one, angle_deg, records[n].time_s)
+    for n, encoder in enumerate(encoders):
+        angle_deg = encoder.angle_deg - _waves(encoder.angle_deg) @ amplitude
+        mended[n] = _retimed(encoder, angle_deg, records[n].time_s)
     return mended, size
 
 
@@ -243,13 +243,13 @@ def _felt(
     return slope, float(np.sqrt(np.mean((y - slope * x) ** 2) / square))
 
 
-def _retimed(one: Encoder, angle_deg: Array, time_s: Array) -> Encoder:
+def _retimed(encoder: Encoder, angle_deg: Array, time_s: Array) -> Encoder:
     """Return an encoder with other angles, and the rates that follow from them."""
     if len(time_s) < 2:
-        return one
+        return encoder
     mean = float((angle_deg[-1] - angle_deg[0]) / (time_s[-1] - time_s[0]))
     rates = np.concatenate(([mean], np.diff(angle_deg) / np.diff(time_s)))
-    return replace(one, angle_deg=angle_deg, rate_deg_per_s=rates, mean_rate_deg_per_s=mean)
+    return replace(encoder, angle_deg=angle_deg, rate_deg_per_s=rates, mean_rate_deg_per_s=mean)
 
 
 @dataclass(frozen=True)
@@ -310,9 +310,11 @@ def track(time_s: Array, angle_deg: Array, took_s: Array | None = None) -> Track
     variance = float(left @ left) / (count - design.shape[1])
     neighbours = float(np.mean(np.diff(left) ** 2)) / 2.0
     if count < FEWEST_FOR_TRACK or variance > WANDERS * neighbours:
-        one = variance if count < FEWEST_FOR_TRACK else neighbours
+        variance_used = variance if count < FEWEST_FOR_TRACK else neighbours
         of_the_ends = 0.5 * (sure[0] ** -2 + sure[-1] ** -2)
-        return _joined(time_s, angle_deg, ends / span_s, float(np.sqrt(one * of_the_ends)))
+        return _joined(
+            time_s, angle_deg, ends / span_s, float(np.sqrt(variance_used * of_the_ends))
+        )
     u = float(np.sqrt(variance * np.linalg.inv(design.T @ design)[1, 1]))
     start_deg = float(angle_deg[0] + solved[0])
     return Track(float(time_s[0]), start_deg, float(solved[1]) / span_s, u / np.sqrt(2.0))

@@ -62,25 +62,27 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     inputs = list(prior_inputs(dataset.prior, "the dataset's conditions"))
     if others is None:
         return findings_of(analyse(dataset), dataset, inputs)
-    found = results_of(others)
-    analysis = analyse(dataset, inertial=found.inertial)
-    return with_other_axes(findings_of(analysis, dataset, inputs), found)
+    other_results = results_of(others)
+    analysis = analyse(dataset, inertial=other_results.inertial)
+    return with_other_axes(findings_of(analysis, dataset, inputs), other_results)
 
 
-def with_other_axes(findings: Findings, found: OtherResults) -> Findings:
+def with_other_axes(findings: Findings, other_results: OtherResults) -> Findings:
     """Return findings with those of accelerometers and magnetometer.
 
     Where the accelerometers are determined and turned with the gyros, the misalignments are those
     to them, and no mounting is in their uncertainty.
     """
-    own = {(one.name, one.axis): one for one in found.misalignment}
-    estimates = [own.get((one.name, one.axis), one) for one in findings.estimates]
+    own = {(estimate.name, estimate.axis): estimate for estimate in other_results.misalignment}
+    estimates = [
+        own.get((estimate.name, estimate.axis), estimate) for estimate in findings.estimates
+    ]
     return replace(
         findings,
-        estimates=[*estimates, *found.estimates],
-        published=[*findings.published, *found.published],
-        flags=[*findings.flags, *found.flags],
-        inputs=[*findings.inputs, *found.inputs],
+        estimates=[*estimates, *other_results.estimates],
+        published=[*findings.published, *other_results.published],
+        flags=[*findings.flags, *other_results.flags],
+        inputs=[*findings.inputs, *other_results.inputs],
     )
 
 

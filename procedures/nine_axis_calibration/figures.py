@@ -59,7 +59,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
                 static_records(analysis, dataset),
             )
         )
-    if any(one is not None for one in analysis.axes.values()):
+    if any(solution is not None for solution in analysis.axes.values()):
         parts.append(
             Plot(
                 "Scale factor rate by rate",
@@ -79,8 +79,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
 
 def _poses(analysis: NineAxisAnalysis) -> Table:
     rows = []
-    right = [n for n, one in enumerate(analysis.static) if one.pose.right]
-    for n, one in enumerate(analysis.static):
+    right = [n for n, summary in enumerate(analysis.static) if summary.pose.right]
+    for n, summary in enumerate(analysis.static):
         heading = tilt = NOTHING
         if analysis.bias is not None and n in right:
             place = right.index(n)
@@ -89,11 +89,11 @@ def _poses(analysis: NineAxisAnalysis) -> Table:
             tilt = f"{float(np.hypot(*analysis.bias.tilt_rad[place])) * ARCMIN_PER_RAD:.2f}"
         rows.append(
             [
-                str(one.position),
-                "right" if one.pose.right else one.pose.why,
+                str(summary.position),
+                "right" if summary.pose.right else summary.pose.why,
                 *(
                     format_with_uncertainty(v, u)[0]
-                    for v, u in zip(one.gyro, one.gyro_u, strict=True)
+                    for v, u in zip(summary.gyro, summary.gyro_u, strict=True)
                 ),
                 heading,
                 tilt,
@@ -155,11 +155,14 @@ def pose_check(analysis: NineAxisAnalysis) -> Figure:
     place = np.arange(len(static))
     for axis, name in enumerate(AXES):
         shift = 0.16 * (axis - 1)
-        off = [one.accelerometer[axis] - gravity_pattern(one.position)[axis] for one in static]
+        off = [
+            summary.accelerometer[axis] - gravity_pattern(summary.position)[axis]
+            for summary in static
+        ]
         left.plot(place + shift, np.array(off) * MICRO, "o", color=COLOURS[axis], label=name)
         if analysis.bias is None:
             continue
-        rows = [n for n, one in enumerate(static) if one.pose.right]
+        rows = [n for n, summary in enumerate(static) if summary.pose.right]
         right.errorbar(
             np.array(rows) + shift,
             analysis.bias.residual[:, axis],
@@ -169,13 +172,13 @@ def pose_check(analysis: NineAxisAnalysis) -> Figure:
             color=COLOURS[axis],
             elinewidth=0.9,
         )
-    for n, one in enumerate(static):
-        if not one.pose.right:
+    for n, summary in enumerate(static):
+        if not summary.pose.right:
             for axes in (left, right):
                 axes.axvspan(n - 0.4, n + 0.4, color=VERMILION, alpha=0.12)
     for axes in (left, right):
         axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.set_xticks(place, [f"position {one.position}" for one in static])
+        axes.set_xticks(place, [f"position {summary.position}" for summary in static])
         axes.set_xlim(-0.5, len(static) - 0.5)
     left.set_ylabel("mean − expected, µg")
     label_above(left, "accelerometers")
@@ -191,19 +194,20 @@ def static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Figu
     grid = figure.subplots(3, 2, squeeze=False, sharex="col", width_ratios=(1.35, 1))
     figure.subplots_adjust(hspace=0.32, wspace=0.2)
     for axis, name in enumerate(AXES):
-        course, allan = grid[axis]
+        rates, allan = grid[axis]
         start = 0.0
-        for record, one in zip(dataset.static, analysis.static, strict=True):
-            good = one.kept[:, axis]
+        for record, summary in zip(dataset.static, analysis.static, strict=True):
+            good = summary.kept[:, axis]
             time_s = record.time_s - record.time_s[0]
             minutes, values = _thinned(
-                (start + time_s[good]) / 60.0, record.rate_deg_per_h[good, axis] - one.gyro[axis]
+                (start + time_s[good]) / 60.0,
+                record.rate_deg_per_h[good, axis] - summary.gyro[axis],
             )
-            colour = COLOURS[axis] if one.pose.right else GREY
-            course.plot(minutes, values, color=colour, linewidth=0.6)
-            course.axvline(start / 60.0, color=GREY, linewidth=0.6)
+            colour = COLOURS[axis] if summary.pose.right else GREY
+            rates.plot(minutes, values, color=colour, linewidth=0.6)
+            rates.axvline(start / 60.0, color=GREY, linewidth=0.6)
             start += float(time_s[-1]) if len(time_s) else 0.0
-            deviation = one.allan[axis] if one.allan else None
+            deviation = summary.allan[axis] if summary.allan else None
             if deviation is not None and len(deviation.tau_s):
                 bars = deviation.standard_uncertainty
                 allan.errorbar(
@@ -214,9 +218,9 @@ def static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Figu
                     linewidth=1.0,
                     elinewidth=0.6,
                 )
-        course.set_ylabel(f"{name}, deg/h")
+        rates.set_ylabel(f"{name}, deg/h")
         _allan_axes(allan, analysis, axis)
-    positions = ", ".join(str(one.position) for one in analysis.static)
+    positions = ", ".join(str(summary.position) for summary in analysis.static)
     label_above(grid[0][0], f"rate less its mean, positions {positions}")
     label_above(grid[0][1], "Allan deviation, deg/h")
     grid[2][0].set_xlabel("time at rest, min")
@@ -251,27 +255,27 @@ def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
 
 def rate_residuals(analysis: NineAxisAnalysis) -> Figure:
     """Draw how each rate's scale factor differs from K, axis by axis, with bars of 2 u."""
-    solved = {axis: one for axis, one in analysis.axes.items() if one is not None}
+    solved = {axis: solution for axis, solution in analysis.axes.items() if solution is not None}
     figure = new_figure(3.0)
     grid = figure.subplots(1, len(solved), squeeze=False)[0]
     figure.subplots_adjust(wspace=0.24)
-    for axes, (axis, one) in zip(grid, solved.items(), strict=True):
+    for axes, (axis, solution) in zip(grid, solved.items(), strict=True):
         axes.errorbar(
-            one.commanded,
-            PPM * one.deviation,
-            yerr=2.0 * PPM * one.deviation_u,
+            solution.commanded,
+            PPM * solution.deviation,
+            yerr=2.0 * PPM * solution.deviation_u,
             fmt="o",
             markersize=5,
             color=COLOURS[axis],
             elinewidth=1.0,
             capsize=2,
         )
-        u = PPM * one.scale_factor.standard_uncertainty / abs(one.scale_factor.value)
+        u = PPM * solution.scale_factor.standard_uncertainty / abs(solution.scale_factor.value)
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.axhspan(-2.0 * u, 2.0 * u, color=GREY, alpha=0.25)
         axes.set_xscale("log")
         axes.set_xlabel("rate, deg/s")
-        kind = "weighted mean" if one.agree else "plain mean"
+        kind = "weighted mean" if solution.agree else "plain mean"
         label_above(axes, f"{AXES[axis]}: K is the {kind}")
     grid[0].set_ylabel("K of the rate less K, ppm")
     return figure

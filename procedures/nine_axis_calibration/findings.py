@@ -72,13 +72,13 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
 
     What each prior adds is a sensitivity in units of that prior's own standard uncertainty.
     """
-    found = []
+    estimates = []
     for axis, name in enumerate(AXES):
         if bias is None:
-            found.append(undetermined(BIAS, name, UNITS[BIAS], "weighted"))
+            estimates.append(undetermined(BIAS, name, UNITS[BIAS], "weighted"))
             continue
         degrees = float(freedom[axis]) if wider == 1.0 else float(bias.degrees_of_freedom)
-        found.append(
+        estimates.append(
             Estimate(
                 BIAS,
                 name,
@@ -90,68 +90,68 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
                 {f"prior_{part}": wider * float(u[axis]) for part, u in bias.parts.items()},
             )
         )
-    return found
+    return estimates
 
 
 def scale_estimates(
     axes: Mapping[int, ScaleSolution | None], means: Mapping[int, AxisMeans], prior: Prior
 ) -> list[Estimate]:
     """Return all results of the turned axes, name by name."""
-    found = [_scale(axis, one, means[axis]) for axis, one in axes.items()]
+    estimates = [_scale(axis, solution, means[axis]) for axis, solution in axes.items()]
     for name in (ASYMMETRY, NONLINEARITY):
-        for axis, one in axes.items():
-            value = None if one is None else getattr(one, name)
-            extra = _rates(one) if name == NONLINEARITY and one is not None else {}
-            method = "least-squares" if name == ASYMMETRY else _method(one)
-            found.append(_relative(name, axis, value, one, method, extra))
-    found += [_misalignment(axes, *pair, prior) for pair in PAIRS if pair[1] in axes]
-    return found
+        for axis, solution in axes.items():
+            value = None if solution is None else getattr(solution, name)
+            extra = _rates(solution) if name == NONLINEARITY and solution is not None else {}
+            method = "least-squares" if name == ASYMMETRY else _method(solution)
+            estimates.append(_relative(name, axis, value, solution, method, extra))
+    estimates += [_misalignment(axes, *pair, prior) for pair in PAIRS if pair[1] in axes]
+    return estimates
 
 
-def _scale(axis: int, one: ScaleSolution | None, means: AxisMeans) -> Estimate:
-    if one is None:
+def _scale(axis: int, solution: ScaleSolution | None, means: AxisMeans) -> Estimate:
+    if solution is None:
         return undetermined(SCALE_FACTOR, AXES[axis], UNITS[SCALE_FACTOR], "weighted")
-    scale = one.scale_factor
+    scale = solution.scale_factor
     return Estimate(
         SCALE_FACTOR,
         AXES[axis],
         scale.value,
         UNITS[SCALE_FACTOR],
         scale.standard_uncertainty,
-        one.degrees_of_freedom,
-        _method(one),
-        {"time_scale": scale.value, "encoder_angle_deg": _by_angle(one, means)},
+        solution.degrees_of_freedom,
+        _method(solution),
+        {"time_scale": scale.value, "encoder_angle_deg": _by_angle(solution, means)},
     )
 
 
-def _by_angle(one: ScaleSolution, means: AxisMeans) -> float:
+def _by_angle(solution: ScaleSolution, means: AxisMeans) -> float:
     """Return the derivative of K by an error of the encoder's angle at one end of each record.
 
     Over whole turns both ends are the same mark of the encoder, and its error drops out.
     """
     total = 0.0
-    for rate, weight in zip(one.commanded, one.weights, strict=True):
+    for rate, weight in zip(solution.commanded, solution.weights, strict=True):
         own = np.isclose(np.abs(means.commanded), rate) & (means.turns > 0.0)
         part = own & means.part
         if bool(part.any()):
             shortest = 360.0 * float(means.turns[part].min())
-            total += (float(weight) * one.scale_factor.value / shortest) ** 2
+            total += (float(weight) * solution.scale_factor.value / shortest) ** 2
     return float(np.sqrt(total))
 
 
-def _method(one: ScaleSolution | None) -> str:
-    return "weighted" if one is None or one.agree else "mean"
+def _method(solution: ScaleSolution | None) -> str:
+    return "weighted" if solution is None or solution.agree else "mean"
 
 
 def _relative(
     name: str,
     axis: int,
     value: Value | None,
-    one: ScaleSolution | None,
+    solution: ScaleSolution | None,
     method: str,
     extra: Mapping[str, object],
 ) -> Estimate:
-    if value is None or one is None:
+    if value is None or solution is None:
         return undetermined(name, AXES[axis], UNITS[name], method)
     return Estimate(
         name,
@@ -159,15 +159,15 @@ def _relative(
         PPM * value.value,
         UNITS[name],
         PPM * value.standard_uncertainty,
-        one.degrees_of_freedom,
+        solution.degrees_of_freedom,
         method,
         extra=extra,
     )
 
 
-def _rates(one: ScaleSolution) -> dict[str, object]:
+def _rates(solution: ScaleSolution) -> dict[str, object]:
     """Return the deviation of each rate's K from K, for the result document."""
-    table = zip(one.commanded, one.deviation, one.deviation_u, strict=True)
+    table = zip(solution.commanded, solution.deviation, solution.deviation_u, strict=True)
     return {
         "rates": [
             {
@@ -190,18 +190,18 @@ def _misalignment(
     """
     frame = {"frame": FRAME}
     name = AXES[gyro] + AXES[axis]
-    one, own = axes[axis], axes.get(gyro)
-    if one is None or gyro not in one.cross:
+    solution, own = axes[axis], axes.get(gyro)
+    if solution is None or gyro not in solution.cross:
         return undetermined(MISALIGNMENT, name, UNITS[MISALIGNMENT], "weighted", frame)
     scale = own.scale_factor.value if own is not None else 1.0
-    value = one.cross[gyro]
+    value = solution.cross[gyro]
     return Estimate(
         MISALIGNMENT,
         name,
         ARCSEC_PER_RAD * value.value / scale,
         UNITS[MISALIGNMENT],
         ARCSEC_PER_RAD * value.standard_uncertainty / abs(scale),
-        one.degrees_of_freedom,
+        solution.degrees_of_freedom,
         "weighted",
         {
             "prior_mounting": ARCSEC_PER_RAD * prior.mounting_rad,
@@ -217,24 +217,28 @@ def published_values(dataset: NineAxisDataset, turned: Sequence[int]) -> tuple[P
     b is the mean of the axis that faces east; K = (1/N) sum (w+ - w-)/(2 w) with the nominal rates
     w, over those that were turned in both senses. None where there is nothing to take a mean of.
     """
-    found = [
+    values = [
         *((BIAS, axis, _published_bias(dataset.static, axis)) for axis in range(len(AXES))),
         *((SCALE_FACTOR, axis, _published_scale(dataset.turns, axis)) for axis in turned),
     ]
-    return tuple(Published(name, AXES[axis], one, UNITS[name], "mean") for name, axis, one in found)
+    return tuple(
+        Published(name, AXES[axis], value, UNITS[name], "mean") for name, axis, value in values
+    )
 
 
 def _published_bias(records: Sequence[StaticRecord], axis: int) -> float | None:
     samples = [
-        one.rate_deg_per_h[:, axis] for one in records if EAST_AXIS.get(one.position) == axis
+        record.rate_deg_per_h[:, axis]
+        for record in records
+        if EAST_AXIS.get(record.position) == axis
     ]
     return _mean_of_all(samples)
 
 
 def _published_scale(records: Sequence[TurnRecord], axis: int) -> float | None:
-    own = [one for one in records if one.axis == axis]
-    found = []
-    for rate in sorted({abs(one.commanded_deg_per_s) for one in own}):
+    own = [record for record in records if record.axis == axis]
+    factors = []
+    for rate in sorted({abs(record.commanded_deg_per_s) for record in own}):
         senses = [
             _mean_of_all(
                 [r.rate_deg_per_s[:, axis] for r in own if r.commanded_deg_per_s == sense * rate]
@@ -242,8 +246,8 @@ def _published_scale(records: Sequence[TurnRecord], axis: int) -> float | None:
             for sense in (1.0, -1.0)
         ]
         if senses[0] is not None and senses[1] is not None:
-            found.append((senses[0] - senses[1]) / (2.0 * rate))
-    return float(np.mean(found)) if found else None
+            factors.append((senses[0] - senses[1]) / (2.0 * rate))
+    return float(np.mean(factors)) if factors else None
 
 
 def _mean_of_all(samples: Sequence[np.ndarray]) -> float | None:

@@ -32,11 +32,13 @@ def data_flags(
 ) -> list[Flag]:
     """Return the flags on the samples: wild and saturated ones, gaps, part turns, true rates."""
     flags: list[Flag] = []
-    for axis in sorted({one.axis for one in saturated}):
-        own = [one for one in saturated if one.axis == axis]
-        count = sum(one.count for one in own)
-        rates = sorted({one.commanded_deg_per_s for one in own}, key=lambda one: (abs(one), -one))
-        what = "the records" if any(one.whole for one in own) else "they"
+    for axis in sorted({record.axis for record in saturated}):
+        own = [record for record in saturated if record.axis == axis]
+        count = sum(record.count for record in own)
+        rates = sorted(
+            {record.commanded_deg_per_s for record in own}, key=lambda rate: (abs(rate), -rate)
+        )
+        what = "the records" if any(record.whole for record in own) else "they"
         overload_text = (
             f"Saturated: {counted(count, 'sample')} of gyro {AXES[axis]} at "
             f"{listed_numbers(rates)} deg/s; {what} are left out."
@@ -47,8 +49,8 @@ def data_flags(
         flags.append(Flag("overload", at_rest_text, None, {"count": at_rest}))
     flags += _outliers(dataset, static, means)
     flags += _gaps(dataset, settings)
-    for axis, one in means.items():
-        rates = sorted({abs(float(rate)) for rate in one.commanded[one.part]})
+    for axis, turned in means.items():
+        rates = sorted({abs(float(rate)) for rate in turned.commanded[turned.part]})
         if rates:
             part_text = (
                 f"{AXES[axis]} did not turn whole turns at {listed_numbers(rates)} deg/s; the part "
@@ -56,27 +58,31 @@ def data_flags(
             )
             details = {"count": len(rates), "rates": rates}
             flags.append(Flag("part-turns", part_text, AXES[axis], details))
-        flags += _rates(axis, one)
-        flags += _encoder(axis, one)
+        flags += _rates(axis, turned)
+        flags += _encoder(axis, turned)
     return flags
 
 
-def _encoder(axis: int, one: AxisMeans) -> list[Flag]:
+def _encoder(axis: int, turned: AxisMeans) -> list[Flag]:
     """Return the flags on readings of the angle, and on a table that was not at its rate."""
     flags = []
-    if one.wild_readings:
+    if turned.wild_readings:
         wild_text = (
-            f"Left out, for they do not fit the turn: {one.wild_readings} readings of the table's "
-            f"angle with {AXES[axis]} up."
+            f"Left out, for they do not fit the turn: {turned.wild_readings} readings of the "
+            f"table's angle with {AXES[axis]} up."
         )
-        details: dict[str, object] = {"count": one.wild_readings, "what": "encoder"}
+        details: dict[str, object] = {"count": turned.wild_readings, "what": "encoder"}
         flags.append(Flag("outliers-rejected", wild_text, AXES[axis], details))
     rates = sorted(
-        {float(rate) for rate, count in zip(one.commanded, one.unsteady, strict=True) if count},
+        {
+            float(rate)
+            for rate, count in zip(turned.commanded, turned.unsteady, strict=True)
+            if count
+        },
         key=lambda rate: (abs(rate), -rate),
     )
     if rates:
-        count = sum(one.unsteady)
+        count = sum(turned.unsteady)
         unsteady_text = (
             "Left out, for by its encoder the table was not at its rate: "
             f"{counted(count, 'sample')} of {AXES[axis]} at {listed_numbers(rates)} deg/s. "
@@ -101,17 +107,17 @@ def _outliers(
 ) -> list[Flag]:
     flags = []
     for axis, name in enumerate(AXES):
-        finite = [np.isfinite(one.rate_deg_per_h[:, axis]) for one in dataset.static]
+        finite = [np.isfinite(record.rate_deg_per_h[:, axis]) for record in dataset.static]
         at_rest = sum(
-            int(np.sum(there & ~one.kept[:, axis]))
-            for there, one in zip(finite, static, strict=True)
+            int(np.sum(there & ~summary.kept[:, axis]))
+            for there, summary in zip(finite, static, strict=True)
         )
         turning = 0
         if axis in means:
-            own = [one for one in dataset.turns if one.axis == axis]
+            own = [turn for turn in dataset.turns if turn.axis == axis]
             turning = sum(
-                int(np.sum(np.isfinite(one.rate_deg_per_s[:, axis]) & ~kept)) - unsteady
-                for one, kept, unsteady in zip(
+                int(np.sum(np.isfinite(record.rate_deg_per_s[:, axis]) & ~kept)) - unsteady
+                for record, kept, unsteady in zip(
                     own, means[axis].kept, means[axis].unsteady, strict=True
                 )
                 if bool(kept.any())
@@ -129,7 +135,7 @@ def _outliers(
 def _gaps(dataset: NineAxisDataset, settings: AnalysisSettings) -> list[Flag]:
     gaps = Gaps()
     for records in (dataset.static, dataset.turns):
-        times = [one.time_s for one in records]
+        times = [record.time_s for record in records]
         nominal_s = interval_of(times)
         gaps = sum((gaps_of(time_s, nominal_s, settings.gap) for time_s in times), gaps)
     if not gaps.count:
@@ -201,9 +207,9 @@ def result_flags(
             details = {"wander_deg_per_h": float(wander[axis])}
             flags.append(Flag("bias-wanders", wander_text, name, details))
     flags += _noise(estimates, axes, settings)
-    for axis, one in axes.items():
-        if one is not None and one.one_sense:
-            rates = list(one.one_sense)
+    for axis, solution in axes.items():
+        if solution is not None and solution.one_sense:
+            rates = list(solution.one_sense)
             one_sense_text = (
                 f"{AXES[axis]} has no usable record at {listed_numbers(rates)} deg/s in one sense "
                 "or in both; these rates are left out."
@@ -215,19 +221,21 @@ def result_flags(
 
 def _positions(static: Sequence[StaticSummary]) -> list[Flag]:
     flags = []
-    for one in static:
-        if one.pose.right:
+    for summary in static:
+        if summary.pose.right:
             continue
-        wrong_text = f"The sensor did not stand as in position {one.position}: {one.pose.why}"
-        if one.pose.stands_as is not None:
-            wrong_text += f", as in position {one.pose.stands_as}"
+        wrong_text = (
+            f"The sensor did not stand as in position {summary.position}: {summary.pose.why}"
+        )
+        if summary.pose.stands_as is not None:
+            wrong_text += f", as in position {summary.pose.stands_as}"
         wrong_text += (
             "; the record is left out of the best estimate. Look at how it stood, and at the "
             "columns of gyros and accelerometers: their order, signs and units."
         )
-        details = {"position": int(one.position)}
+        details = {"position": int(summary.position)}
         flags.append(Flag("wrong-position", wrong_text, None, details))
-    there = {one.position for one in static}
+    there = {summary.position for summary in static}
     for position in PUBLISHED:
         if static and position not in there:
             missing_text = (
@@ -245,26 +253,30 @@ def _noise(
     settings: AnalysisSettings,
 ) -> list[Flag]:
     flags = []
-    for one in estimates:
-        if one.name not in {ASYMMETRY, NONLINEARITY} or one.value is None:
+    for estimate in estimates:
+        if estimate.name not in {ASYMMETRY, NONLINEARITY} or estimate.value is None:
             continue
-        u = one.standard_uncertainty or 0.0
-        small = abs(one.value) < settings.not_significant * u
-        solution = axes[AXES.index(one.axis or "")]
-        agree = one.name == NONLINEARITY and solution is not None and solution.agree
+        u = estimate.standard_uncertainty or 0.0
+        small = abs(estimate.value) < settings.not_significant * u
+        solution = axes[AXES.index(estimate.axis or "")]
+        agree = estimate.name == NONLINEARITY and solution is not None and solution.agree
         if small or agree:
             noise_text = (
-                f"The {one.name} of {one.axis}, {one.value:.3g} ppm with u = {u:.2g} ppm, cannot "
-                "be distinguished from noise."
+                f"The {estimate.name} of {estimate.axis}, {estimate.value:.3g} ppm with u = "
+                f"{u:.2g} ppm, cannot be distinguished from noise."
             )
-            details = {"name": one.name}
-            flags.append(Flag("not-significant", noise_text, one.axis, details))
+            details = {"name": estimate.name}
+            flags.append(Flag("not-significant", noise_text, estimate.axis, details))
     return flags
 
 
 def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published]) -> list[Flag]:
     flags = []
-    cross = [str(one.axis) for one in estimates if one.name == MISALIGNMENT and one.value is None]
+    cross = [
+        str(estimate.axis)
+        for estimate in estimates
+        if estimate.name == MISALIGNMENT and estimate.value is None
+    ]
     if cross:
         cross_text = (
             f"The misalignments {', '.join(cross)} are not determined: only the turned axis was "
@@ -272,14 +284,18 @@ def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published])
         )
         names = [f"{MISALIGNMENT} {axis}" for axis in cross]
         flags.append(not_identifiable(cross_text, names, count=len(names)))
-    other = [one for one in estimates if one.name != MISALIGNMENT and one.value is None]
+    other = [
+        estimate
+        for estimate in estimates
+        if estimate.name != MISALIGNMENT and estimate.value is None
+    ]
     if other:
-        names = [f"{one.name} {one.axis}" for one in other]
+        names = [f"{estimate.name} {estimate.axis}" for estimate in other]
         undetermined_text = f"The data do not determine {', '.join(names)}."
-        if any(one.name == BIAS for one in other):
+        if any(estimate.name == BIAS for estimate in other):
             undetermined_text += " No static record was usable."
         flags.append(not_identifiable(undetermined_text, names, count=len(names)))
-    silent = [f"{one.name} {one.axis}" for one in published if one.value is None]
+    silent = [f"{entry.name} {entry.axis}" for entry in published if entry.value is None]
     if silent:
         silent_text = f"The published rule has no data for {', '.join(silent)}."
         which = {"count": len(silent), "coefficients": silent}

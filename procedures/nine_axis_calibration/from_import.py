@@ -69,7 +69,7 @@ def dataset_of_import(raw: RawDataset) -> tuple[NineAxisDataset, OtherAxes | Non
         latitude_deg=conditions.latitude_deg,
         prior=prior_of(conditions.prior),
         static=at_rest,
-        turns=tuple(one.turn for word, one in turned if word in AXES),
+        turns=tuple(record.turn for word, record in turned if word in AXES),
         largest_rate_deg_per_s=conditions.range_deg_per_s,
     )
     stands = () if poses is None else tuple(_poses(poses, conditions.prior))
@@ -101,8 +101,10 @@ def _static_records(table: Table) -> Iterator[StaticRecord]:
         yield StaticRecord(
             position=round(float(table["position"][rows.start])),
             time_s=_numbers(table, "t_s", rows),
-            rate_deg_per_h=np.column_stack([_numbers(table, one, rows) for one in GYROS]),
-            acceleration_g=np.column_stack([_numbers(table, one, rows) for one in ACCELEROMETERS]),
+            rate_deg_per_h=np.column_stack([_numbers(table, column, rows) for column in GYROS]),
+            acceleration_g=np.column_stack(
+                [_numbers(table, column, rows) for column in ACCELEROMETERS]
+            ),
         )
 
 
@@ -118,7 +120,7 @@ def _turned(table: Table) -> Iterator[tuple[str, Turned]]:
         time_s = _numbers(table, "t_s", rows)
         rate = np.full((len(time_s), 3), np.nan)
         if ALL_THREE[0] in table:
-            rate[:] = np.column_stack([_numbers(table, one, rows) for one in ALL_THREE])
+            rate[:] = np.column_stack([_numbers(table, column, rows) for column in ALL_THREE])
         if RATE in table and word in AXES:
             rate[:, axis] = _numbers(table, RATE, rows)
         commanded = float(table["commanded_deg_per_s"][rows.start])
@@ -172,7 +174,7 @@ def _stretches(table: Table, keys: tuple[str, ...]) -> Iterator[slice]:
 
 
 def _check_positions(table: Table) -> None:
-    known = [str(one) for one in ATTITUDES]
+    known = [str(position) for position in ATTITUDES]
     text = f"there is no position {{:g}}; there are {listed(known)}"
     refuse(
         [
@@ -185,12 +187,12 @@ def _check_positions(table: Table) -> None:
 
 def _check_turns(table: Table) -> None:
     faults = []
-    gyros = [one for one in ALL_THREE if one in table]
+    gyros = [column for column in ALL_THREE if column in table]
     if RATE not in table and not gyros:
         what = f"the column is missing; give it, or all of {listed(ALL_THREE)}"
         faults.append(Fault(str(table.path), 1, 1, RATE, what))
     elif gyros and len(gyros) < len(ALL_THREE):
-        lacking = next(one for one in ALL_THREE if one not in table)
+        lacking = next(column for column in ALL_THREE if column not in table)
         faults.append(Fault(str(table.path), 1, 1, lacking, "the column is missing"))
     what = "a record at rest determines no scale factor"
     at_rest = np.flatnonzero(table["commanded_deg_per_s"] == 0.0).tolist()

@@ -73,12 +73,12 @@ def good_samples(values: Array, threshold: float, sigma: float | None = None) ->
 
 def pooled_sigma(records: Sequence[Array]) -> float:
     """Return the median of the records' robust sigmas, 0 where none is long enough."""
-    found = []
+    sigmas = []
     for values in records:
         inside = values[np.isfinite(values)]
         if len(inside) >= FEWEST_TO_JUDGE:
-            found.append(robust_sigma(inside))
-    return float(np.median(found)) if found else 0.0
+            sigmas.append(robust_sigma(inside))
+    return float(np.median(sigmas)) if sigmas else 0.0
 
 
 def colour_factor(residuals: Sequence[Array], places: Sequence[Index]) -> float:
@@ -87,7 +87,7 @@ def colour_factor(residuals: Sequence[Array], places: Sequence[Index]) -> float:
     An autoregression of all records together, its order by BIC, gives the density at frequency
     zero; 1 for white noise. `places` number each record's samples on the nominal grid.
     """
-    if not residuals or sum(len(one) for one in residuals) < FEWEST_FOR_BLOCKS:
+    if not residuals or sum(len(residual) for residual in residuals) < FEWEST_FOR_BLOCKS:
         return 1.0
     shifted, start = [], 0
     for index in places:
@@ -174,17 +174,17 @@ def means_of(
     usual = pooled_sigma(records)
     kept = tuple(good_samples(values, threshold, usual) for values in records)
     good = [values[mask] for values, mask in zip(records, kept, strict=True)]
-    value = np.array([one.mean() if len(one) else np.nan for one in good])
-    used = [n for n, one in enumerate(good) if len(one) > 1]
-    count = np.array([max(len(one), 1) for one in good], dtype=np.float64)
+    value = np.array([samples.mean() if len(samples) else np.nan for samples in good])
+    used = [n for n, samples in enumerate(good) if len(samples) > 1]
+    count = np.array([max(len(samples), 1) for samples in good], dtype=np.float64)
     if not used:
         return Means(value, np.full(len(value), np.nan), 0.0, np.nan, 0.0, kept)
     residuals = [good[n] - value[n] for n in used]
     places = [grid_index(times_s[n][kept[n]], interval_s) for n in used]
-    squares = np.array([float(one @ one) for one in residuals])
-    freedom = float(sum(len(one) - 1 for one in residuals))
+    squares = np.array([float(residual @ residual) for residual in residuals])
+    freedom = float(sum(len(residual) - 1 for residual in residuals))
     pooled = float(squares.sum()) / freedom
-    factor = colour_factor([without_thirds(one) for one in residuals], places)
+    factor = colour_factor([without_thirds(residual) for residual in residuals], places)
     variance = np.full(len(value), pooled)
     for n, square in zip(used, squares, strict=True):
         if count[n] >= FEWEST_FOR_BLOCKS:
@@ -203,11 +203,11 @@ def means_of(
 def _wander(residuals: Sequence[Array], long_variance: float) -> tuple[float, float]:
     """Return the variance of slow wandering, 0 where noise explains it, and its freedom."""
     total, expected, freedom = 0.0, 0.0, 0.0
-    for one in residuals:
-        if len(one) < FEWEST_FOR_BLOCKS:
+    for residual in residuals:
+        if len(residual) < FEWEST_FOR_BLOCKS:
             continue
-        size = len(one) // BLOCKS
-        means = one[: size * BLOCKS].reshape(BLOCKS, size).mean(axis=1)
+        size = len(residual) // BLOCKS
+        means = residual[: size * BLOCKS].reshape(BLOCKS, size).mean(axis=1)
         total += float(np.sum((means - means.mean()) ** 2))
         expected += (BLOCKS - 1) * long_variance / size
         freedom += BLOCKS - 1

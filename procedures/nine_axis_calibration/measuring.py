@@ -107,8 +107,8 @@ class Sensing:
         """
         from station.record.raw import ARRIVAL
 
-        rows = [one[one[ARRIVAL] > from_s] for one in self._rows]
-        if not any(len(one) for one in rows):
+        rows = [row[row[ARRIVAL] > from_s] for row in self._rows]
+        if not any(len(row) for row in rows):
             return np.full(3, np.nan), np.full(3, np.nan)
         together = np.concatenate(rows)
         gyro = np.array([np.nanmean(together[name]) for name in GYROS])
@@ -121,8 +121,8 @@ class Sensing:
         """
         from station.record.raw import ARRIVAL
 
-        status = [one["status"][one[ARRIVAL] > from_s].astype(np.int64) for one in self._rows]
-        if not any(len(one) for one in status):
+        status = [row["status"][row[ARRIVAL] > from_s].astype(np.int64) for row in self._rows]
+        if not any(len(word) for word in status):
             raise InstrumentError(
                 IMU,
                 f"record {self._unit}",
@@ -146,7 +146,7 @@ class Sensing:
         self.look()
 
 
-def stand(run: Run, position: int, doing: str) -> None:
+def measure_position(run: Run, position: int, doing: str) -> None:
     """Measure one position; a wrong pose is measured again, and stays refused by the analysis."""
     parameters: NineAxisParameters = run.parameters
     unit = position_unit(position)
@@ -210,20 +210,20 @@ def looks_like(pose: Pose) -> str:
     return "" if pose.stands_as is None else f", as in position {pose.stands_as}"
 
 
-def turn(run: Run, one: Turn, doing: str) -> None:
+def turn(run: Run, turn: Turn, doing: str) -> None:
     """Record whole turns at one rate in one sense, spin-up and settling left out."""
     from station.roles import Turntable
 
     parameters: NineAxisParameters = run.parameters
-    if run.is_finished(one.unit):
+    if run.is_finished(turn.unit):
         return
     run.may_pause()
-    command = spin(parameters, one)
+    command = spin(parameters, turn)
     table, axis = run.role(TURNTABLE, Turntable), command.axis_number(run.bench)
     with run.unit(
-        one.unit, axis=one.axis, rate_deg_per_s=one.rate_deg_per_s, turns=one.turns
+        turn.unit, axis=turn.axis, rate_deg_per_s=turn.rate_deg_per_s, turns=turn.turns
     ) as facts:
-        sensing = Sensing(run, one.unit)
+        sensing = Sensing(run, turn.unit)
         run.apply(command)
         while not table.is_at_rate(axis):
             sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{doing}, the table spins up")
@@ -235,11 +235,11 @@ def turn(run: Run, one: Turn, doing: str) -> None:
         # The line is then free for the first reading as it is for all others.
         sensing.follow(run.clock.now() + SHORTEST_READING_S, doing)
         from_s = run.clock.now()
-        turned_deg = read_turns(run, one, axis, sensing, doing)
+        turned_deg = read_turns(run, turn, axis, sensing, doing)
         until_s = run.clock.now()
-        across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(one.axis)}
+        across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(turn.axis)}
         sensing.need_valid(from_s, across)
-        need_gyro_follows(one, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
+        need_gyro_follows(turn, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
         table.stop(axis)
         sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{doing}, the table stops")
         sensing.stop()
@@ -248,25 +248,25 @@ def turn(run: Run, one: Turn, doing: str) -> None:
         facts.update(from_s=from_s, until_s=until_s)
 
 
-def read_turns(run: Run, one: Turn, axis: int, sensing: Sensing, doing: str) -> float:
+def read_turns(run: Run, turn: Turn, axis: int, sensing: Sensing, doing: str) -> float:
     """Read the table's angle until the turns are whole; returns the angle turned, as it counts.
 
     Raises ConditionNotReached where they take far longer than they should.
     """
-    every_s = one.reading_interval_s
-    wanted_deg = one.turns * FULL_TURN_DEG + (every_s + EXTRA_S) * abs(one.rate_deg_per_s)
-    gives_up_s = run.clock.now() + LATE * one.dwell_s + LATE_S
-    first_deg = angle_deg = read_angle(run, one.unit, axis)
+    every_s = turn.reading_interval_s
+    wanted_deg = turn.turns * FULL_TURN_DEG + (every_s + EXTRA_S) * abs(turn.rate_deg_per_s)
+    gives_up_s = run.clock.now() + LATE * turn.dwell_s + LATE_S
+    first_deg = angle_deg = read_angle(run, turn.unit, axis)
     while abs(angle_deg - first_deg) < wanted_deg:
-        left_s = (wanted_deg - abs(angle_deg - first_deg)) / abs(one.rate_deg_per_s)
+        left_s = (wanted_deg - abs(angle_deg - first_deg)) / abs(turn.rate_deg_per_s)
         turned = abs(angle_deg - first_deg) / FULL_TURN_DEG
         next_s = run.clock.now() + min(every_s, max(left_s, SHORTEST_READING_S))
-        sensing.follow(next_s, f"{doing}, turn {turned:.1f} of {one.turns}")
-        angle_deg = read_angle(run, one.unit, axis)
+        sensing.follow(next_s, f"{doing}, turn {turned:.1f} of {turn.turns}")
+        angle_deg = read_angle(run, turn.unit, axis)
         if run.clock.now() > gives_up_s:
             raise ConditionNotReached(
-                f"{TURNTABLE} has made {turned:.2f} of {one.turns} turns at "
-                f"{one.rate_deg_per_s:g} deg/s in {LATE * one.dwell_s + LATE_S:.0f} s; look "
+                f"{TURNTABLE} has made {turned:.2f} of {turn.turns} turns at "
+                f"{turn.rate_deg_per_s:g} deg/s in {LATE * turn.dwell_s + LATE_S:.0f} s; look "
                 "whether something holds it"
             )
     return angle_deg - first_deg
@@ -283,19 +283,19 @@ def read_angle(run: Run, unit: str, axis: int) -> float:
     return angle_deg
 
 
-def need_gyro_follows(one: Turn, sensing: Sensing, from_s: float, rate_deg_per_s: float) -> None:
+def need_gyro_follows(turn: Turn, sensing: Sensing, from_s: float, rate_deg_per_s: float) -> None:
     """Raise ConditionNotReached where the gyro that is up does not feel the turns as they are.
 
     A gyro that saturates is no reason: its samples are left out and flagged.
     """
     gyro, _ = sensing.means(from_s)
     felt = gyro / SECONDS_PER_HOUR
-    own = float(felt[AXES.index(one.axis)])
+    own = float(felt[AXES.index(turn.axis)])
     if not own / rate_deg_per_s < FOLLOWS:
         return
     most = AXES[int(np.nanargmax(np.abs(felt)))]
     raise ConditionNotReached(
-        f"gyro {one.axis} of {IMU} reads {own:.4g} deg/s while {TURNTABLE} turns at "
+        f"gyro {turn.axis} of {IMU} reads {own:.4g} deg/s while {TURNTABLE} turns at "
         f"{rate_deg_per_s:.4g} deg/s (positive: counter-clockwise from above), gyro {most} "
         f"{float(np.nanmax(np.abs(felt))):.4g} deg/s; look how the sensor is mounted, which axis "
         "is up, and which of the table's axes is which in the bench file"

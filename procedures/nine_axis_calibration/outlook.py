@@ -50,15 +50,15 @@ def expected_uncertainty(
     count = len(positions)
     means = StaticMeans(
         tuple(positions),
-        np.array([expected_rates(one, latitude_deg) for one in positions]),
+        np.array([expected_rates(position, latitude_deg) for position in positions]),
         np.full((count, 3), u),
-        np.array([gravity_pattern(one) for one in positions]),
+        np.array([gravity_pattern(position) for position in positions]),
         np.full((count, 3), ACCELEROMETER_NOISE_G),
     )
     gain = GyroGain(np.ones(3), np.zeros(6), np.full(6, prior.misalignment_rad))
     solved = solve_biases(means, latitude_deg, prior, gain)
     turning = earth_rate(latitude_deg)
-    east = int(np.sum([one in EAST_AXIS for one in positions])) / 3
+    east = int(np.sum([position in EAST_AXIS for position in positions])) / 3
     published = np.sqrt(
         u**2 / east + (turning[1] * prior.heading_rad) ** 2 + (turning[2] * prior.tilt_rad) ** 2
     )
@@ -115,7 +115,7 @@ def outlook(parameters: NineAxisParameters) -> tuple[str, ...]:
     """Return in lines how long a plan turns and how well it determines what."""
     expected = expectation(parameters)
     turns = parameters.all_turns
-    turning_s = sum(one.dwell_s for one in turns)
+    turning_s = sum(turn.dwell_s for turn in turns)
     bias = float(np.max(expected.bias_deg_per_h))
     noise_ppm = PPM * expected.scale_factor
     total_ppm = math.hypot(noise_ppm, parameters.prior.clock_ppm)

@@ -135,9 +135,9 @@ class NineAxisParameters(StrictModel):
     @classmethod
     def none_skipped(cls, positions: tuple[int, ...]) -> tuple[int, ...]:
         """Require each published position once, in any order."""
-        missing = [one for one in PUBLISHED_POSITIONS if one not in positions]
+        missing = [position for position in PUBLISHED_POSITIONS if position not in positions]
         if missing:
-            listed = " and ".join(str(one) for one in missing)
+            listed = " and ".join(str(position) for position in missing)
             raise ValueError(f"position {listed} is skipped; the method needs 1, 2 and 3")
         if len(set(positions)) != len(positions):
             raise ValueError("name each position once")
@@ -197,7 +197,7 @@ class NineAxisParameters(StrictModel):
         """The positions in the order in which they are taken, flipped ones after their own."""
         if not self.flip:
             return self.positions
-        return tuple(one for p in self.positions for one in (p, FLIPPED[p]))
+        return tuple(position for p in self.positions for position in (p, FLIPPED[p]))
 
     @property
     def all_turns(self) -> tuple[Turn, ...]:
@@ -220,7 +220,7 @@ class NineAxisParameters(StrictModel):
     def units(self) -> tuple[str, ...]:
         """All units of work in the order in which they are measured."""
         return (
-            *(position_unit(one) for one in self.all_positions),
+            *(position_unit(position) for position in self.all_positions),
             *(turn.unit for turn in self.all_turns),
         )
 

@@ -111,8 +111,10 @@ def check_together(
     `limits.rate_deg_per_h`, noise aside.
     """
     limits = limits or PoseLimits()
-    expected = np.array([expected_rates(one, latitude_deg) for one in positions]).reshape(-1, 3)
-    patterns = np.array([gravity_pattern(one) for one in positions]).reshape(-1, 3)
+    expected = np.array([expected_rates(position, latitude_deg) for position in positions]).reshape(
+        -1, 3
+    )
+    patterns = np.array([gravity_pattern(position) for position in positions]).reshape(-1, 3)
     off_g = np.max(np.abs(acceleration_g - patterns), axis=1)
     off = gyro_deg_per_h - expected
     upright = [
@@ -178,17 +180,17 @@ def _one_right(
 
     None where that holds for several: which is right is then unknown.
     """
-    found = []
+    possible = []
     for right in rows:
         bias = gyro[right] - expected[right]
         others = [n for n in rows if n != right]
-        stand = [
+        fits = [
             _best(acceleration_g[n], gyro[n] - bias, latitude_deg, limits.acceleration_g, 1.0)
             for n in others
         ]
-        if all(one is not None for one in stand):
-            found.append(right)
-    return (found[0],) if len(found) == 1 else ()
+        if all(fit is not None for fit in fits):
+            possible.append(right)
+    return (possible[0],) if len(possible) == 1 else ()
 
 
 def _best(

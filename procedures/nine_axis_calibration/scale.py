@@ -109,13 +109,13 @@ def _pairs(means: AxisMeans, axis: int) -> tuple[Array, Array, Array, tuple[floa
     usable = np.isfinite(means.output[:, axis]) & np.isfinite(means.rate)
     size = np.round(np.abs(means.commanded) / SAME_RATE) * SAME_RATE
     rates, forth, back, single = [], [], [], []
-    for one in np.unique(size):
-        up = usable & (size == one) & (means.commanded > 0.0)
-        down = usable & (size == one) & (means.commanded < 0.0)
+    for magnitude in np.unique(size):
+        up = usable & (size == magnitude) & (means.commanded > 0.0)
+        down = usable & (size == magnitude) & (means.commanded < 0.0)
         if not (bool(up.any()) and bool(down.any())):
-            single.append(float(one))
+            single.append(float(magnitude))
             continue
-        rates.append(float(one))
+        rates.append(float(magnitude))
         forth.append(up / up.sum())
         back.append(down / down.sum())
     width = len(means.rate)
@@ -159,20 +159,20 @@ def _even(
     def fitted(extra: float) -> tuple[Array, Array, Array, float]:
         weighted = np.linalg.solve(noise + extra * single, design)
         inverse = np.asarray(np.linalg.inv(design.T @ weighted), dtype=np.float64)
-        found = inverse @ (weighted.T @ half)
-        left = half - design @ found
-        return found, inverse, left, float(left @ np.linalg.solve(noise + extra * single, left))
+        solved = inverse @ (weighted.T @ half)
+        left = half - design @ solved
+        return solved, inverse, left, float(left @ np.linalg.solve(noise + extra * single, left))
 
     extra, freedom = 0.0, count - 2
-    found, inverse, left, square = fitted(0.0)
+    solved, inverse, left, square = fitted(0.0)
     worst = int(np.argmax(np.abs(left) / np.sqrt(np.diag(noise))))
     if freedom > 0 and square > float(chdtri(freedom, 1.0 - EVEN)):
         low, high = 0.0, square * float(np.max(np.diag(noise) / np.diag(single)))
         for _ in range(HALVINGS):
             extra = 0.5 * (low + high)
             low, high = (extra, high) if fitted(extra)[3] > freedom else (low, extra)
-        found, inverse, left, _ = fitted(extra)
-    return Value(2.0 * float(found[1]), 2.0 * float(np.sqrt(inverse[1, 1]))), extra, worst
+        solved, inverse, left, _ = fitted(extra)
+    return Value(2.0 * float(solved[1]), 2.0 * float(np.sqrt(inverse[1, 1]))), extra, worst
 
 
 def _cross(pick: Array, means: AxisMeans, gyro: int, scale: float) -> Value:

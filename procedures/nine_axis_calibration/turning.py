@@ -81,19 +81,19 @@ def axis_means(
     sine of the tilt on the turned axis, whole on the others. The modulation is one cosine and one
     sine of the encoder's angle for all records together; over whole turns it takes nothing away.
     """
-    interval_s = interval_of([one.time_s for one in records])
-    encoders = [unwrap(one, interval_s) for one in records]
-    records = [_steady(*one) for one in zip(records, encoders, strict=True)]
+    interval_s = interval_of([record.time_s for record in records])
+    encoders = [unwrap(record, interval_s) for record in records]
+    records = [_steady(*pair) for pair in zip(records, encoders, strict=True)]
     axis = records[0].axis
-    outputs = [one.rate_deg_per_s[:, axis] for one in records]
+    outputs = [record.rate_deg_per_s[:, axis] for record in records]
     encoders, graduation_deg = without_graduation(records, outputs, encoders, interval_s)
-    recorded = [g for g in range(3) if any(_is_there(one, g) for one in records)]
+    recorded = [g for g in range(3) if any(_is_there(record, g) for record in records)]
     count = len(records)
     output = np.full((count, 3), np.nan)
     covariance = np.full((3, count, count), np.nan)
     noise = np.full(3, np.nan)
-    rate = np.array([one.mean_rate_deg_per_s for one in encoders])
-    kept: list[Mask] = [np.zeros(len(one.time_s), dtype=bool) for one in records]
+    rate = np.array([encoder.mean_rate_deg_per_s for encoder in encoders])
+    kept: list[Mask] = [np.zeros(len(record.time_s), dtype=bool) for record in records]
     freedom, rounding, restless, lean_rad = 0.0, 0.0, np.zeros(count), (0.0, 0.0)
     for gyro in recorded:
         tilt = ALWAYS_LEVEL if gyro == axis else 1.0
@@ -107,15 +107,15 @@ def axis_means(
             lean_rad = (done.swing[0] / level, done.swing[1] / level)
     turns = np.array(
         [
-            abs(one.mean_rate_deg_per_s) * (t.time_s[-1] - t.time_s[0] + interval_s) / 360.0
+            abs(encoder.mean_rate_deg_per_s) * (t.time_s[-1] - t.time_s[0] + interval_s) / 360.0
             if len(t.time_s)
             else 0.0
-            for one, t in zip(encoders, records, strict=True)
+            for encoder, t in zip(encoders, records, strict=True)
         ]
     )
     rest = np.abs(turns - np.rint(turns))
     part = (rest > PART_TURN) | (np.rint(turns) < 1.0)
-    commanded = np.array([one.commanded_deg_per_s for one in records])
+    commanded = np.array([record.commanded_deg_per_s for record in records])
     return AxisMeans(
         output,
         covariance,
@@ -126,8 +126,8 @@ def axis_means(
         tuple(kept),
         noise,
         freedom,
-        sum(one.wild for one in encoders),
-        tuple(int(one.unsteady.sum()) for one in encoders),
+        sum(encoder.wild for encoder in encoders),
+        tuple(int(encoder.unsteady.sum()) for encoder in encoders),
         tuple(restless.tolist()),
         graduation_deg,
         rounding,
@@ -174,9 +174,9 @@ def _gyro(
         _follow(r.rate_deg_per_s[:, gyro], e, own=own)
         for r, e in zip(records, encoders, strict=True)
     ]
-    rounds = [round_the_turn(one, interval_s) for one in encoders]
+    rounds = [round_the_turn(encoder, interval_s) for encoder in encoders]
     # Coarse output less a turn's small wave is no longer coarse, but honest all the same.
-    least = QUANTUM_PART * smallest_step([one.rate_deg_per_s[:, gyro] for one in records])
+    least = QUANTUM_PART * smallest_step([record.rate_deg_per_s[:, gyro] for record in records])
     amplitude, normal = np.zeros(2), np.eye(2)
     kept: tuple[Mask, ...] = ()
     for _ in range(MOST_ROUNDS):
@@ -188,7 +188,7 @@ def _gyro(
             break
         kept = fresh
         residuals, angles = _centred(following, rounds, kept)
-        counts = np.array([max(len(one), 1) for one in residuals], dtype=np.float64)
+        counts = np.array([max(len(residual), 1) for residual in residuals], dtype=np.float64)
         freedom = max(float(np.sum(counts - 1.0)) - 2.0, 1.0)
         amplitude, normal = _amplitude(np.vstack(residuals), freedom, modulation)
     mean, rate = [], []
@@ -199,10 +199,10 @@ def _gyro(
         grid_index(record.time_s[good], interval_s)
         for record, good in zip(records, kept, strict=True)
     ]
-    cleaned = [one[:, 0] - one[:, 1:] @ amplitude for one in residuals]
-    squares = np.array([float(one @ one) for one in cleaned])
+    cleaned = [residual[:, 0] - residual[:, 1:] @ amplitude for residual in residuals]
+    squares = np.array([float(left @ left) for left in cleaned])
     pooled = float(squares.sum()) / freedom
-    long = [n for n, one in enumerate(cleaned) if len(one) > 1]
+    long = [n for n, left in enumerate(cleaned) if len(left) > 1]
     factor = colour_factor([without_thirds(cleaned[n]) for n in long], [places[n] for n in long])
     sample = _sample_variances(squares, counts, pooled) * factor
     span_s = np.array(

@@ -136,22 +136,22 @@ def to_up(axis: str) -> tuple[AxisTo, ...]:
     return moves(text, middle=middle_deg, inner=inner_deg)
 
 
-def spin(parameters: NineAxisParameters, one: Turn) -> AxisAtRate:
+def spin(parameters: NineAxisParameters, turn: Turn) -> AxisAtRate:
     """Return the command that lets the vertical axis turn for a record."""
     return AxisAtRate(
         TURNTABLE,
         "outer",
-        f"{one.unit}: {one.turns} turn{'s' if one.turns > 1 else ''}",
+        f"{turn.unit}: {turn.turns} turn{'s' if turn.turns > 1 else ''}",
         parameters.table_axis,
-        UP_SENSE * one.rate_deg_per_s,
+        UP_SENSE * turn.rate_deg_per_s,
         decided_by=RATES,
     )
 
 
-def turn_s(parameters: NineAxisParameters, one: Turn) -> float:
+def turn_s(parameters: NineAxisParameters, turn: Turn) -> float:
     """Return the expected bench time in s of one record on the table."""
-    ramps_s = 2.0 * abs(one.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
-    return one.dwell_s + parameters.settle_s + ramps_s + SETTLING_S
+    ramps_s = 2.0 * abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
+    return turn.dwell_s + parameters.settle_s + ramps_s + SETTLING_S
 
 
 def work(parameters: NineAxisParameters) -> Iterator[Work]:
@@ -180,14 +180,14 @@ def work(parameters: NineAxisParameters) -> Iterator[Work]:
     for axis in AXES:
         if by_table:
             yield Work("2a", None, to_up(axis), (), MOVE_S)
-        for one in parameters.all_turns:
-            if one.axis == axis:
-                spin_s = turn_s(parameters, one)
+        for turn in parameters.all_turns:
+            if turn.axis == axis:
+                spin_s = turn_s(parameters, turn)
                 rows = (
                     Rows(IMU, spin_s, spin_s * sample_rate_Hz),
-                    Rows(TURNTABLE, spin_s, one.dwell_s / one.reading_interval_s),
+                    Rows(TURNTABLE, spin_s, turn.dwell_s / turn.reading_interval_s),
                 )
-                yield Work("2a", one.unit, (spin(parameters, one),), rows, spin_s)
+                yield Work("2a", turn.unit, (spin(parameters, turn),), rows, spin_s)
     yield Work("2b", commands=(Power(POWER, False),))
 
 

@@ -62,8 +62,8 @@ def analyse(dataset: RlgDataset, settings: AnalysisSettings | None = None) -> Rl
         fields.append(field)
         observed.append(_observe(segment, field, settings, reasons))
     segments = [
-        _segment_detail(segment, field, one)
-        for segment, field, one in zip(dataset.segments, fields, observed, strict=True)
+        _segment_detail(segment, field, record)
+        for segment, field, record in zip(dataset.segments, fields, observed, strict=True)
     ]
     recorded, doubts = _recorder(dataset, fields, observed, segments, reasons)
     response = in_doubt(solve(observed), doubts)
@@ -112,14 +112,14 @@ def _recorder(
     flags: list[Flag] = []
     doubts: dict[str, float] = {}
     for number, segment in enumerate(dataset.segments):
-        detail, one = details[number], observed[number]
+        detail, record = details[number], observed[number]
         flags += [*condition_flags(segment), *collisions(segment), *output_flags(segment, detail)]
-        if one is None:
+        if record is None:
             continue
-        found, doubt = recorder_findings(segment, fields[number], one.gyro, detail)
-        flags += [*found, *overtone_flags(segment, one.gyro, detail)]
+        recorder_flags, doubt = recorder_findings(segment, fields[number], record.gyro, detail)
+        flags += [*recorder_flags, *overtone_flags(segment, record.gyro, detail)]
         middle_s = middle_of(segment)
-        flags += steadiness_flags(segment, fields[number], one.gyro, one.lines, middle_s)
+        flags += steadiness_flags(segment, fields[number], record.gyro, record.lines, middle_s)
         if doubt > MOST_IN_DOUBT:
             reason = "its record is cut or rounded too much, see the other flags"
             reasons.update(dict.fromkeys(detail.axes, reason))

@@ -177,10 +177,10 @@ def averaged_gyro(
     against drift and the driven lines for itself.
     """
     settings = AnalysisSettings()
-    frequencies = [one.frequency_Hz for one in drive.values()]
+    frequencies = [driven.frequency_Hz for driven in drive.values()]
     lines = {
-        axis: LineSums(samples, nearest_lines(samples, interval_s, one.frequency_Hz))
-        for axis, one in drive.items()
+        axis: LineSums(samples, nearest_lines(samples, interval_s, driven.frequency_Hz))
+        for axis, driven in drive.items()
     }
     counted = Counted(interval_s, lines)
 
@@ -199,8 +199,8 @@ def averaged_gyro(
         data = rate[:, 0] - mean
         quantum = quantum_deg_per_h
         kept = reject_outliers(design, data, settings.outlier, 0.6 * quantum, quantum)
-        found = least_squares(design[kept], data[kept]).coefficients
-        return kept, lambda at: (columns(at) @ found + mean)[:, None]
+        coefficients = least_squares(design[kept], data[kept]).coefficients
+        return kept, lambda at: (columns(at) @ coefficients + mean)[:, None]
 
     rows = stretch_rows(GYRO_STRETCH, frequencies, interval_s)
     means = group_means(counted.passing(pieces), group, rows, judge)
@@ -236,7 +236,7 @@ def averaged_field(
     """
     began_s: float | None = None
     last_place, last_s = 0, 0.0
-    driven = {axis: one for axis, one in drive.items() if one.amplitude_mT > 0.0}
+    driven = {axis: driven for axis, driven in drive.items() if driven.amplitude_mT > 0.0}
 
     def on_grid() -> Iterator[tuple[Index, Array]]:
         nonlocal began_s, last_place, last_s
@@ -266,7 +266,7 @@ def averaged_field(
 
         return kept, at
 
-    slowest = [one.frequency_Hz for one in driven.values()]
+    slowest = [line.frequency_Hz for line in driven.values()]
     means = group_means(on_grid(), group, stretch_rows(FIELD_STRETCH, slowest, step_s), judge)
     if not len(means.place):
         return np.empty(0), np.empty((0, 3)), means.rejected
@@ -276,7 +276,7 @@ def averaged_field(
 
 def shortened(segment: Segment) -> Segment:
     """Return a segment that is in memory, averaged where it is too long for its analysis."""
-    highest_Hz = max(one.frequency_Hz for one in segment.drive.values())
+    highest_Hz = max(driven.frequency_Hz for driven in segment.drive.values())
     group = group_size(len(segment.time_s), segment.sample_interval_s, highest_Hz)
     return segment if group == 1 else in_groups(segment, group)
 

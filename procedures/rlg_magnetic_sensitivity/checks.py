@@ -230,25 +230,26 @@ def overtone_flags(segment: Segment, gyro: GyroFit, detail: SegmentDetail) -> It
     tau_s = segment.sample_interval_s
     mean = float(np.mean(segment.rate_deg_per_h[gyro.kept]))
     span_s = len(segment.time_s) * tau_s
-    for one in gyro.overtones:
-        if one.chance > OVERTONE_CHANCE:
+    for overtone in gyro.overtones:
+        if overtone.chance > OVERTONE_CHANCE:
             continue
         weight = segment.quantum_deg_per_h * tau_s
-        lines = (one.frequency_Hz, one.driven_Hz)
+        lines = (overtone.frequency_Hz, overtone.driven_Hz)
         if weight > 0.0 and find_beat(mean, weight, tau_s, walk, lines, span_s) is not None:
             continue
         axes = [
             a
             for a, d in segment.drive.items()
-            if math.isclose(d.frequency_Hz, one.driven_Hz, rel_tol=0.02)
+            if math.isclose(d.frequency_Hz, overtone.driven_Hz, rel_tol=0.02)
         ]
         overtone_text = (
-            f"The output has a line at {one.frequency_Hz:.4g} Hz, three times the frequency of "
-            f"{' and '.join(axes)}, with {one.power:.3g} times the power of the noise: the answer "
-            "is not in proportion to the field, as that of a shield near saturation, a limited "
-            "output or bursts. State the sensitivity with its field, and measure at half of it."
+            f"The output has a line at {overtone.frequency_Hz:.4g} Hz, three times the frequency "
+            f"of {' and '.join(axes)}, with {overtone.power:.3g} times the power of the noise: the "
+            "answer is not in proportion to the field, as that of a shield near saturation, a "
+            "limited output or bursts. State the sensitivity with its field, and measure at half "
+            "of it."
         )
-        details = {"frequency_Hz": one.frequency_Hz}
+        details = {"frequency_Hz": overtone.frequency_Hz}
         yield Flag("not-linear", overtone_text, axes[0] if len(axes) == 1 else None, details)
 
 
@@ -274,10 +275,10 @@ def beat_advice(
     It proposes the nearest frequency and the nearest sample interval at which there is none.
     """
 
-    def found(tau_s: float, lines_Hz: Sequence[float]) -> Beat | None:
+    def beat_at(tau_s: float, lines_Hz: Sequence[float]) -> Beat | None:
         return find_beat(rate_deg_per_h, pulse_arcsec, tau_s, walk_deg_per_sqrt_h, lines_Hz, span_s)
 
-    beat = found(interval_s, driven_Hz)
+    beat = beat_at(interval_s, driven_Hz)
     if beat is None:
         return None
     offers: list[str] = []
@@ -286,7 +287,7 @@ def beat_advice(
     if beat.line_Hz is not None:
         near_Hz = beat.line_Hz
         does = f"beats at {beat.frequency_Hz:.4g} Hz with the field"
-        clear = [f for f in allowed_Hz(span_s, interval_s) if found(interval_s, [f]) is None]
+        clear = [f for f in allowed_Hz(span_s, interval_s) if beat_at(interval_s, [f]) is None]
         if clear:
             best_Hz = min(clear, key=lambda f: abs(f - near_Hz))
             offers.append(f"a frequency of {best_Hz:.3g} Hz")
@@ -294,7 +295,7 @@ def beat_advice(
     intervals = [
         tau_s
         for tau_s in INTERVALS_S
-        if tau_s * max(driven_Hz) <= LARGEST_CYCLES_PER_SAMPLE and found(tau_s, driven_Hz) is None
+        if tau_s * max(driven_Hz) <= LARGEST_CYCLES_PER_SAMPLE and beat_at(tau_s, driven_Hz) is None
     ]
     if intervals:
         best_s = min(intervals, key=lambda tau_s: abs(np.log(tau_s / interval_s)))

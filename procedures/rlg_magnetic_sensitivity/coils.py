@@ -40,7 +40,9 @@ def slope_by_misalignment(estimate: Estimate, others: Sequence[Estimate]) -> Map
     A field that leans by an angle towards another axis brings that axis's sensitivity in. An axis
     whose sensitivity is not known counts as much as the largest that is.
     """
-    known = {one.axis: abs(one.value) for one in others if one.value is not None}
+    known = {
+        estimate.axis: abs(estimate.value) for estimate in others if estimate.value is not None
+    }
     largest = max(known.values(), default=0.0)
     across = [known.get(axis, largest) for axis in COIL_OF_AXIS if axis != estimate.axis]
     return {MISALIGNMENT: math.hypot(*across)}
@@ -71,15 +73,20 @@ def coil_responses(
     An axis that several records drive is taken from the first; where two axes share a frequency
     their fields cannot be distinguished, and neither is in the result.
     """
-    found: dict[str, CoilResponse] = {}
+    responses: dict[str, CoilResponse] = {}
     for line in lines:
         commanded_mT = segments[line.segment].drive[line.axis].amplitude_mT
-        shared = [one for one in lines if one.segment == line.segment]
-        alone = sum(one.frequency_Hz == line.frequency_Hz for one in shared) == 1
-        if line.axis in found or not alone or commanded_mT <= 0.0 or line.field_amplitude_mT <= 0.0:
+        shared = [other for other in lines if other.segment == line.segment]
+        alone = sum(other.frequency_Hz == line.frequency_Hz for other in shared) == 1
+        if (
+            line.axis in responses
+            or not alone
+            or commanded_mT <= 0.0
+            or line.field_amplitude_mT <= 0.0
+        ):
             continue
-        found[line.axis] = coil_response(line, commanded_mT)
-    return found
+        responses[line.axis] = coil_response(line, commanded_mT)
+    return responses
 
 
 def coil_response(line: LineDetail, commanded_mT: float) -> CoilResponse:

@@ -46,9 +46,11 @@ class RlgDetail(Detail):
 def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from the bench's calibrations."""
     finished = folder.finished_units()
-    measured = [one for one in sensitivity_records(parameters) if one.unit in finished]
-    missing = [axis for axis in parameters.axes if not any(axis in one.drive for one in measured)]
-    units = [one.unit for one in measured]
+    measured = [record for record in sensitivity_records(parameters) if record.unit in finished]
+    missing = [
+        axis for axis in parameters.axes if not any(axis in record.drive for record in measured)
+    ]
+    units = [record.unit for record in measured]
     dataset = dataset_of_run(folder, units, parameters, bench)
     inputs = type_b_inputs(folder, units, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
@@ -77,7 +79,7 @@ def tested_results(
     limits, finished = settings(parameters), folder.finished_units()
     tested: list[Tested] = []
     for check in parameters.checks:
-        units = [one.unit for one in check_of(parameters, check) if one.unit in finished]
+        units = [record.unit for record in check_of(parameters, check) if record.unit in finished]
         again = dataset_of_run(folder, units, parameters, bench)
         if check == "background":
             for segment in again.segments:
@@ -132,14 +134,14 @@ def estimates_so_far(
 def overload_flags(folder: RunFolder, records: Iterable[PlannedRecord]) -> list[Flag]:
     """Return a flag for each record during which the gaussmeter said overload."""
     flags = []
-    for one in records:
-        count = field_record(folder, one.unit).overloaded
+    for record in records:
+        count = field_record(folder, record.unit).overloaded
         if count:
             message = (
-                f"The gaussmeter was overloaded in {count} readings of {one.unit}; they are left "
-                "out."
+                f"The gaussmeter was overloaded in {count} readings of {record.unit}; they are "
+                "left out."
             )
-            axis = one.energised[0] if len(one.energised) == 1 else None
+            axis = record.energised[0] if len(record.energised) == 1 else None
             flags.append(Flag("overload", message, axis, {"count": count}))
     return flags
 
@@ -172,7 +174,7 @@ def undriven_inputs(
     """
     for axis in AXES:
         name = f"{UNDRIVEN}{axis}"
-        if any(one.sensitivities.get(name) for one in estimates):
+        if any(estimate.sensitivities.get(name) for estimate in estimates):
             about = f"sensitivity of {axis}, which was not driven"
             source = f"undriven_sensitivity, {limits.undriven_sensitivity:g} {UNIT} at most"
             yield InputQuantity(
@@ -239,14 +241,14 @@ def to_findings(
     coils = coil_responses(analysis.lines, dataset.segments)
     estimates = [
         replace(
-            one,
+            estimate,
             sensitivities={
-                **one.sensitivities,
-                **slope_by_misalignment(one, analysis.estimates),
+                **estimate.sensitivities,
+                **slope_by_misalignment(estimate, analysis.estimates),
             },
-            extra=extra_of(one.axis or "", coils, tested),
+            extra=extra_of(estimate.axis or "", coils, tested),
         )
-        for one in analysis.estimates
+        for estimate in analysis.estimates
     ]
     flags = [*analysis.flags, *flags_of(tested)]
     detail = RlgDetail(analysis, dataset, coils, tested)
@@ -267,5 +269,5 @@ def extra_of(
     if axis in coils:
         components = coils[axis].components
         extra["coil_field"] = {a: finite(b) for a, b in zip(AXES, components, strict=True)}
-    checks = [one.to_data() for one in tested if one.axis in (axis, None)]
+    checks = [test.to_data() for test in tested if test.axis in (axis, None)]
     return extra | ({"checks": checks} if checks else {})

@@ -92,8 +92,8 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
     if len(time_s) - rejected < max(2 * columns, _LEAST_KEPT * len(time_s)):
         reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
         return _no_fit(groups, field_mT, reason)
-    found = frequencies, uncertainties
-    return _linear_fit(segment, groups, *found, time_s[kept], field_mT[kept], wild)
+    lines_Hz = frequencies, uncertainties
+    return _linear_fit(segment, groups, *lines_Hz, time_s[kept], field_mT[kept], wild)
 
 
 def stretch_of_field(
@@ -119,8 +119,8 @@ def stretch_of_field(
         return np.hstack((drift, line_columns(at_s - middle_s, frequencies)))
 
     design = columns(time_s[kept])
-    found = [least_squares(design, field_mT[kept, a]).coefficients for a in range(3)]
-    return kept, lambda at_s: columns(at_s) @ np.column_stack(found)
+    coefficients = [least_squares(design, field_mT[kept, a]).coefficients for a in range(3)]
+    return kept, lambda at_s: columns(at_s) @ np.column_stack(coefficients)
 
 
 def _no_fit(groups: list[tuple[tuple[str, ...], float]], field_mT: Array, reason: str) -> FieldFit:
@@ -206,7 +206,7 @@ def _found(
     lines = {own: line_of(own)}
     if lines[own][0] < least_mT:
         lines |= {part: line_of(part) for part in range(3) if part != own}
-    part = max(lines, key=lambda one: lines[one][0])
+    part = max(lines, key=lambda axis: lines[axis][0])
     return part, lines[part][1]
 
 
@@ -234,12 +234,12 @@ def _linear_fit(
     freedom = max(len(time_s) - design.shape[1], 1)
     first = _DRIFT_ORDER + 1
     ambient = np.zeros(3)
-    found = np.zeros((len(frequencies) + len(doubles), 3), dtype=np.complex128)
+    lines_mT = np.zeros((len(frequencies) + len(doubles), 3), dtype=np.complex128)
     variance = np.zeros((len(frequencies), 3))
     for a in range(3):
         fit = least_squares(design, field_mT[:, a])
         ambient[a] = fit.coefficients[0]
-        found[:, a] = phasors(fit.coefficients[first:])
+        lines_mT[:, a] = phasors(fit.coefficients[first:])
         spread = np.diag(fit.inverse_normal) * fit.sum_of_squares / freedom
         pairs = spread[first : first + 2 * len(frequencies)]
         variance[:, a] = 0.5 * (pairs[0::2] + pairs[1::2])
@@ -249,12 +249,12 @@ def _linear_fit(
         factor = averaging_factor(frequencies[k], segment.field_averaging_s)
         blurred = _blurred(frequencies, k, step_s, span_s, factor)
         problem = blurred or _absent(
-            axes, segment.drive, frequencies, k, found, variance[k], scatter_mT
+            axes, segment.drive, frequencies, k, lines_mT, variance[k], scatter_mT
         )
         factor = factor if abs(factor) >= 0.1 else 1.0
         double = np.zeros(3, dtype=np.complex128)
         if 2.0 * frequencies[k] in doubles:
-            own = found[len(frequencies) + doubles.index(2.0 * frequencies[k])]
+            own = lines_mT[len(frequencies) + doubles.index(2.0 * frequencies[k])]
             double_factor = averaging_factor(2.0 * frequencies[k], segment.field_averaging_s)
             double = own / double_factor if abs(double_factor) >= 0.1 else double
         lines.append(
@@ -262,7 +262,7 @@ def _linear_fit(
                 axes=axes,
                 frequency_Hz=frequencies[k],
                 frequency_uncertainty_Hz=uncertainties[k],
-                phasor_mT=found[k] / factor,
+                phasor_mT=lines_mT[k] / factor,
                 variance_mT2=variance[k] / factor**2,
                 second_mT=double,
                 problem=problem,
@@ -299,19 +299,19 @@ def _absent(
     `lines_mT` (n, 3) holds the phasors of all lines, `scatter_mT` (3,) is that of the readings.
     """
     lines_mT = lines_mT[: len(frequencies)]
-    found = lines_mT[k]
+    line_mT = lines_mT[k]
     for axis in axes:
         a = AXES.index(axis)
-        size = abs(found[a])
+        size = abs(line_mT[a])
         wanted = 1e-3 * drive[axis].amplitude_mT
         if size <= max(_FEWEST_SIGMAS * float(np.sqrt(variance[a])), wanted, 1e-12):
             return f"the field record shows no line at the driven frequency on {axis}"
         beside = max(
-            [abs(found[b]) for b, other in enumerate(AXES) if other not in axes], default=0
+            [abs(line_mT[b]) for b, other in enumerate(AXES) if other not in axes], default=0
         )
         explained = size**2 > 2.0 * _LEAST_EXPLAINED * float(scatter_mT[a]) ** 2
         if size < 0.5 * beside or not explained:
-            at, of = int(np.argmax(np.abs(found))), int(np.argmax(np.abs(lines_mT[:, a])))
+            at, of = int(np.argmax(np.abs(line_mT))), int(np.argmax(np.abs(lines_mT[:, a])))
             seen = "swings otherwise"
             if AXES[at] not in axes:
                 seen = f"swings more on {AXES[at]} at this frequency"

@@ -170,14 +170,16 @@ def line_table(driven: Sequence[LineDetail]) -> Table:
 def coil_table(responses: Mapping[str, CoilResponse]) -> Table:
     """Return the 3 x 3 response of the coils: field on each axis over the commanded field."""
     rows = []
-    for one in responses.values():
-        own = AXES.index(one.axis)
-        cells = [f"coil of {one.axis}"]
+    for response in responses.values():
+        own = AXES.index(response.axis)
+        cells = [f"coil of {response.axis}"]
         for a in range(3):
-            text = with_u(float(one.components[a]), float(one.uncertainty[a]))
-            lean = with_u(float(one.lean_deg[a]), float(one.lean_uncertainty_deg[a]))
+            text = with_u(float(response.components[a]), float(response.uncertainty[a]))
+            lean = with_u(float(response.lean_deg[a]), float(response.lean_uncertainty_deg[a]))
             cells.append(text if a == own or text == NOTHING else f"{text} ({lean} deg)")
-        cells.append(with_u(float(one.lean_deg[own]), float(one.lean_uncertainty_deg[own])))
+        cells.append(
+            with_u(float(response.lean_deg[own]), float(response.lean_uncertainty_deg[own]))
+        )
         rows.append(cells)
     return Table(
         "The field of each coil",
@@ -195,18 +197,18 @@ def check_table(tested: Sequence[Tested]) -> Table:
     """Return the repeats under other conditions, each against the result."""
     rows = [
         [
-            TESTS[one.check],
-            one.axis or "all",
-            f"{one.frequency_Hz:.4g}",
-            f"{one.amplitude_mT:g}",
-            with_u(one.value, one.uncertainty),
+            TESTS[test.check],
+            test.axis or "all",
+            f"{test.frequency_Hz:.4g}",
+            f"{test.amplitude_mT:g}",
+            with_u(test.value, test.uncertainty),
             NOTHING
-            if one.check == "background"
-            else with_u(one.difference, one.difference_uncertainty),
-            format_number(one.bound, 2),
-            "differs" if one.differs else "agrees",
+            if test.check == "background"
+            else with_u(test.difference, test.difference_uncertainty),
+            format_number(test.bound, 2),
+            "differs" if test.differs else "agrees",
         ]
-        for one in tested
+        for test in tested
     ]
     return Table(
         "The result under other conditions",

@@ -50,7 +50,7 @@ def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSett
 
 
 def _averaged(segment: Segment, before: Averaged, axis: str | None, named: str) -> Flag:
-    highest_Hz = max((one.frequency_Hz for one in segment.drive.values()), default=0.0)
+    highest_Hz = max((driven.frequency_Hz for driven in segment.drive.values()), default=0.0)
     lost = loss(before.group, before.sample_interval_s, highest_Hz)
     samples_text = (
         f"The record with {named} driven holds {before.samples} gyro samples, which were averaged "
@@ -87,7 +87,7 @@ def field_flags(segment: Segment, field: FieldFit) -> list[Flag]:
     """
     flags: list[Flag] = []
     seen = [bool(component.any()) for component in segment.field_mT.T]
-    for line in (one for one in field.lines if one.measured):
+    for line in (line for line in field.lines if line.measured):
         for axis in line.axes:
             commanded_mT = segment.drive[axis].amplitude_mT
             if commanded_mT > 0.0:
@@ -163,9 +163,9 @@ def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) 
             if name.startswith(UNDRIVEN)
         }
         small = MATTERS * (estimate.standard_uncertainty or math.inf)
-        large = {a: one for a, one in shares.items() if one * settings.undriven_u > small}
+        large = {a: share for a, share in shares.items() if share * settings.undriven_u > small}
         if large:
-            text = " and ".join(f"{100.0 * one:.2g} % of {axis}" for axis, one in large.items())
+            text = " and ".join(f"{100.0 * share:.2g} % of {axis}" for axis, share in large.items())
             cross_text = (
                 f"The field of {estimate.axis} leans towards axes that were not driven: their "
                 f"sensitivities stand in that of {estimate.axis} with {text}. u holds up "

@@ -46,19 +46,19 @@ def second_order(drive: Mapping[str, float]) -> Iterator[Line]:
     """Yield the doubles, sums and differences of driven frequencies, each with its name."""
     for axis, f in drive.items():
         yield f"2 {axis}", 2 * f
-    for (one, f), (other, g) in combinations(drive.items(), 2):
-        yield f"{one} + {other}", f + g
-        yield (f"{one} - {other}", f - g) if f >= g else (f"{other} - {one}", g - f)
+    for (first, f), (other, g) in combinations(drive.items(), 2):
+        yield f"{first} + {other}", f + g
+        yield (f"{first} - {other}", f - g) if f >= g else (f"{other} - {first}", g - f)
 
 
 def third_order(drive: Mapping[str, float]) -> Iterator[Line]:
     """Yield the products of third order of driven frequencies, each with its name."""
     for axis, f in drive.items():
         yield f"3 {axis}", 3 * f
-    for (one, f), (other, g) in product(drive.items(), repeat=2):
-        if one != other:
-            yield f"2 {one} + {other}", 2 * f + g
-            yield f"2 {one} - {other}", abs(2 * f - g)
+    for (first, f), (other, g) in product(drive.items(), repeat=2):
+        if first != other:
+            yield f"2 {first} + {other}", 2 * f + g
+            yield f"2 {first} - {other}", abs(2 * f - g)
     if len(drive) == 3:
         (a, f), (b, g), (c, h) = drive.items()
         yield f"{a} + {b} - {c}", abs(f + g - h)
@@ -70,7 +70,7 @@ def nearest_pair(drive: Mapping[str, float]) -> tuple[float, Line, Line]:
     """Return the smallest distance in Hz that matters, and the two lines it lies between."""
     lines = [*drive.items(), *second_order(drive)]
     pairs = [*combinations(lines, 2), *product(drive.items(), third_order(drive))]
-    return min((abs(one[1] - other[1]), one, other) for one, other in pairs)
+    return min((abs(line[1] - other[1]), line, other) for line, other in pairs)
 
 
 def whole_cycles_Hz(frequency_Hz: float, duration_s: float) -> float:
@@ -92,8 +92,8 @@ def allowed_Hz(duration_s: float, interval_s: float) -> tuple[float, ...]:
     low = max(FREQUENCY_RANGE_HZ[0], FEWEST_CYCLES / duration_s) - ROUNDING
     high = min(FREQUENCY_RANGE_HZ[1], LARGEST_CYCLES_PER_SAMPLE / interval_s) + ROUNDING
     grid = range(math.ceil(low / GRID_HZ), math.floor(high / GRID_HZ) + 1)
-    found = (whole_cycles_Hz(k * GRID_HZ, duration_s) for k in grid)
-    return tuple(dict.fromkeys(f for f in found if low <= f <= high))
+    whole_Hz = (whole_cycles_Hz(k * GRID_HZ, duration_s) for k in grid)
+    return tuple(dict.fromkeys(f for f in whole_Hz if low <= f <= high))
 
 
 @lru_cache(maxsize=64)
@@ -112,8 +112,8 @@ def choose(
     free = [axis for axis in axes if axis not in held]
     best: tuple[float, float, dict[str, float]] | None = None
     for chosen in combinations(allowed_Hz(duration_s, interval_s), len(free)):
-        found = held | dict(zip(free, chosen, strict=True))
-        drive = {axis: found[axis] for axis in axes}
+        candidate = held | dict(zip(free, chosen, strict=True))
+        drive = {axis: candidate[axis] for axis in axes}
         apart_Hz = round(nearest_pair(drive)[0], 9)
         if apart_Hz * duration_s < APART - ROUNDING:
             continue
@@ -125,14 +125,14 @@ def choose(
 
 def clash(drive: Mapping[str, float], duration_s: float, interval_s: float) -> str | None:
     """Return in a sentence which lines are too close, and what would do; None where none are."""
-    apart_Hz, one, other = nearest_pair(drive)
+    apart_Hz, line, other = nearest_pair(drive)
     if apart_Hz * duration_s >= APART - ROUNDING:
         return None
     clashes = (
-        f"{named(other)} is too close to {named(one)}: lines must be {APART / duration_s:.4g} Hz "
+        f"{named(other)} is too close to {named(line)}: lines must be {APART / duration_s:.4g} Hz "
         f"apart in a record of {duration_s:g} s"
     )
-    blamed = [axis for axis in reversed([*drive]) if axis in f"{one[0]} {other[0]}"]
+    blamed = [axis for axis in reversed([*drive]) if axis in f"{line[0]} {other[0]}"]
     for axis in blamed:
         rest = {name: f for name, f in drive.items() if name != axis}
         offers = [
@@ -143,10 +143,10 @@ def clash(drive: Mapping[str, float], duration_s: float, interval_s: float) -> s
         if offers:
             best = min(offers, key=lambda f: abs(f - drive[axis]))
             return f"{clashes}; {axis} at {best:.4g} Hz would do"
-    found = choose(tuple(drive), duration_s, interval_s)
-    if found is None:
+    better = choose(tuple(drive), duration_s, interval_s)
+    if better is None:
         return f"{clashes}; take a longer record"
-    return f"{clashes}; {', '.join(f'{axis} {f:.4g} Hz' for axis, f in found.items())} would do"
+    return f"{clashes}; {', '.join(f'{axis} {f:.4g} Hz' for axis, f in better.items())} would do"
 
 
 def named(line: Line) -> str:

@@ -88,10 +88,10 @@ def gyro_record(
             rate = pulses * pulse_arcsec / interval_s
             yield number[1:][whole], rate[whole].astype(np.float64)
 
-    highest_Hz = max((one.frequency_Hz for one in drive.values()), default=0.0)
+    highest_Hz = max((driven.frequency_Hz for driven in drive.values()), default=0.0)
     group = group_size(counted, interval_s, highest_Hz)
     if group == 1:
-        number, rate = (np.concatenate(one) for one in zip(*rates(), strict=True))
+        number, rate = (np.concatenate(parts) for parts in zip(*rates(), strict=True))
         return GyroRecord(aligned.run_time_s(number - 0.5), rate, interval_s, 1, None)
     places = ((number.astype(np.int64) - 1, rate) for number, rate in rates())
     quantum = pulse_arcsec / interval_s
@@ -189,11 +189,11 @@ def segment_of_unit(
             time_s = known.aligned.run_time_s(rows["instrument_time_s"]) + shift_s
             yield time_s[usable], field_mT[usable]
 
-    highest_Hz = max((one.frequency_Hz for one in drive.values()), default=0.0)
+    highest_Hz = max((driven.frequency_Hz for driven in drive.values()), default=0.0)
     field_group = group_size(known.readings, known.step_s, highest_Hz)
     rejected = 0
     if field_group == 1:
-        field_time_s, field_mT = (np.concatenate(one) for one in zip(*readings(), strict=True))
+        field_time_s, field_mT = (np.concatenate(parts) for parts in zip(*readings(), strict=True))
     else:
         whole = ((t[fit], b[fit]) for t, b in readings() for fit in [np.isfinite(b).all(axis=1)])
         field_time_s, field_mT, rejected = averaged_field(whole, field_group, known.step_s, drive)

@@ -223,7 +223,7 @@ def _overtones(
     coloured: bool,
 ) -> tuple[Overtone, ...]:
     """Return what stands at three times each driven frequency, where no fitted line is near."""
-    found = []
+    overtones = []
     for f in frequencies:
         triple = 3.0 * f
         if triple > band_Hz[1] or any(abs(triple - g) * spectrum.span_s < 1.5 for g in lines):
@@ -232,8 +232,8 @@ def _overtones(
         place = int(np.argmin(np.abs(spectrum.frequency_Hz - triple)))
         ratio = float(spectrum.ordinate[place]) / near.variance if near.variance > 0.0 else 0.0
         chance = float(fdtrc(2.0, near.degrees_of_freedom, ratio))
-        found.append(Overtone(triple, f, ratio, chance))
-    return tuple(found)
+        overtones.append(Overtone(triple, f, ratio, chance))
+    return tuple(overtones)
 
 
 def _line_slots(frequencies: Sequence[float], extra: list[float]) -> list[int | None]:

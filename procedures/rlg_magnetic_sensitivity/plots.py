@@ -223,15 +223,15 @@ def legend_inside(axes: Axes, ncols: int) -> None:
 def summary(document: ResultDocument) -> Figure:
     """Draw all axes' values with U, the published values beside them, and the limits behind."""
     results = document.results
-    published = {one.axis: one.value for one in document.published}
-    limits = [one.limit.interval() if one.limit else None for one in results]
+    published = {entry.axis: entry.value for entry in document.published}
+    limits = [result.limit.interval() if result.limit else None for result in results]
     figure = new_figure(1.15 + 0.5 * len(results))
     axes = figure.add_subplot()
     spans = [abs(bound) for limit in limits if limit for bound in limit if np.isfinite(bound)]
     spans += [
-        abs(one.estimate.value) + (one.expanded_uncertainty or 0.0)
-        for one in results
-        if one.estimate.value is not None
+        abs(result.estimate.value) + (result.expanded_uncertainty or 0.0)
+        for result in results
+        if result.estimate.value is not None
     ]
     spans += [value for value in published.values() if value is not None]
     reach = 1.12 * max(spans, default=1.0) or 1.0
@@ -242,8 +242,8 @@ def summary(document: ResultDocument) -> Figure:
         labelled.add(text)
         return text if new else None
 
-    for place, (one, limit) in enumerate(zip(results, limits, strict=True)):
-        value, as_published = one.estimate.value, published.get(one.estimate.axis)
+    for place, (result, limit) in enumerate(zip(results, limits, strict=True)):
+        value, as_published = result.estimate.value, published.get(result.estimate.axis)
         if limit is not None:
             low, high = np.clip(limit, -reach, reach)
             axes.add_patch(
@@ -281,7 +281,7 @@ def summary(document: ResultDocument) -> Figure:
             axes.errorbar(
                 value,
                 place - 0.1,
-                xerr=one.expanded_uncertainty or None,
+                xerr=result.expanded_uncertainty or None,
                 fmt="o",
                 color=BLUE,
                 markersize=6,
@@ -306,7 +306,7 @@ def summary(document: ResultDocument) -> Figure:
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set_xlim(-reach, reach)
     axes.set_ylim(len(results) - 0.5, -0.5)
-    axes.set_yticks(range(len(results)), [one.estimate.axis or "" for one in results])
+    axes.set_yticks(range(len(results)), [result.estimate.axis or "" for result in results])
     axes.tick_params(axis="y", length=0)
     axes.grid(False, axis="y")
     axes.set_xlabel("magnetic sensitivity, deg/h/mT")

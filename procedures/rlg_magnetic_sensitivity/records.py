@@ -119,13 +119,13 @@ def simultaneous(parameters: RlgParameters, purpose: Purpose, amplitude_mT: floa
     axes, interval_s = parameters.axes, parameters.sample_interval_s
     samples = math.ceil(parameters.duration_s / interval_s - 1e-9)
     record_s = samples * interval_s
-    found: Mapping[str, float] | None = None
+    chosen: Mapping[str, float] | None = None
     if parameters.frequencies_Hz is not None:
-        found = dict(parameters.frequencies_Hz.items())
+        chosen = dict(parameters.frequencies_Hz.items())
     else:
         decided = frequencies.with_first(axes, parameters.frequency_Hz)
-        found = frequencies.choose(axes, record_s, interval_s, decided)
-    driven = [frequencies.whole_cycles_Hz((found or {})[axis], record_s) for axis in axes]
+        chosen = frequencies.choose(axes, record_s, interval_s, decided)
+    driven = [frequencies.whole_cycles_Hz((chosen or {})[axis], record_s) for axis in axes]
     if purpose == "frequency":
         driven = [*driven[1:], driven[0]]
     drive: dict[str, Drive] = {

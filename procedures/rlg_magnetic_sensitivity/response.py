@@ -144,15 +144,15 @@ def in_doubt(response: Response, doubts: Mapping[str, float]) -> Response:
 
 
 def _driven(observed: Sequence[Observed | None]) -> tuple[str, ...]:
-    found = {
+    driven = {
         axis
-        for one in observed
-        if one is not None
-        for line, usable in zip(one.lines, one.usable, strict=True)
+        for record in observed
+        if record is not None
+        for line, usable in zip(record.lines, record.usable, strict=True)
         if usable
-        for axis in one.field.lines[line].axes
+        for axis in record.field.lines[line].axes
     }
-    return tuple(axis for axis in AXES if axis in found)
+    return tuple(axis for axis in AXES if axis in driven)
 
 
 def _others(axes: tuple[str, ...]) -> tuple[str, ...]:
@@ -175,25 +175,25 @@ def _assemble(
     variance: list[Array] = []
     first_row: dict[tuple[int, int], int] = {}
     nothing = np.zeros(count)
-    for number, one in enumerate(observed):
-        if one is None or not any(one.usable):
+    for number, record in enumerate(observed):
+        if record is None or not any(record.usable):
             continue
         slots: list[int] = []
-        total = len(one.lines)
+        total = len(record.lines)
         for k in range(total):
-            if not one.usable[k]:
+            if not record.usable[k]:
                 continue
-            line = one.field.lines[one.lines[k]]
+            line = record.field.lines[record.lines[k]]
             turn = np.exp(-2j * np.pi * line.frequency_Hz * shift_s)
             field = line.phasor_mT[picks] * turn
             first_row[number, k] = len(data)
-            rows = [(k, field, 0.0 * field, 2.0 * one.field.ambient_mT[picks] * field)]
-            if one.gyro.has_double[k]:
+            rows = [(k, field, 0.0 * field, 2.0 * record.field.ambient_mT[picks] * field)]
+            if record.gyro.has_double[k]:
                 second = line.second_mT[picks] * turn**2
                 rows.append((total + k, second, 0.5 * field**2, 0.0 * field))
             for slot, first_order, second_order, pretended in rows:
                 slots.append(slot)
-                phasor = one.gyro.phasor_deg_per_h[slot]
+                phasor = record.gyro.phasor_deg_per_h[slot]
                 data += [phasor.real, phasor.imag]
                 linear += [first_order.real, first_order.imag]
                 quadratic += [second_order.real, second_order.imag]
@@ -202,9 +202,9 @@ def _assemble(
                 undriven += [leak.real, leak.imag]
                 noisy = line.variance_mT2[picks] if slot < total else nothing
                 variance += [noisy, noisy]
-                freedom += [one.gyro.degrees_of_freedom[slot]] * 2
+                freedom += [record.gyro.degrees_of_freedom[slot]] * 2
         rows_used = np.array([2 * s + part for s in slots for part in (0, 1)], dtype=np.int64)
-        blocks.append(one.gyro.covariance[np.ix_(rows_used, rows_used)])
+        blocks.append(record.gyro.covariance[np.ix_(rows_used, rows_used)])
     size = len(data)
     covariance = np.zeros((size, size))
     at = 0
@@ -296,10 +296,10 @@ def _residuals(
     spread = remove @ system.covariance @ remove.T
     result: dict[tuple[int, int, str], LineResidual] = {}
     for (number, k), row in system.first_row.items():
-        one = observed[number]
-        if one is None:
+        record = observed[number]
+        if record is None:
             continue
-        line = one.field.lines[one.lines[k]]
+        line = record.field.lines[record.lines[k]]
         for axis in line.axes:
             field = complex(line.phasor_mT[AXES.index(axis)])
             size2 = abs(field) ** 2

@@ -262,14 +262,14 @@ def allan(segments: Sequence[SegmentDetail]) -> Figure:
     figure = new_figure(3.6)
     axes = figure.add_subplot()
     for number, detail in enumerate(segments):
-        found = detail.allan
-        if not len(found.tau_s):
+        deviation = detail.allan
+        if not len(deviation.tau_s):
             continue
         colour = COLOUR[detail.axes[0]] if len(detail.axes) == 1 else BLACK
         axes.errorbar(
-            found.tau_s,
-            found.deviation,
-            np.minimum(found.standard_uncertainty, 0.9 * found.deviation),
+            deviation.tau_s,
+            deviation.deviation,
+            np.minimum(deviation.standard_uncertainty, 0.9 * deviation.deviation),
             fmt=MARKERS[number % len(MARKERS)],
             color=colour,
             markersize=3.5,
@@ -277,7 +277,7 @@ def allan(segments: Sequence[SegmentDetail]) -> Figure:
             label=f"{joined(detail.axes)} driven",
         )
         if detail.noise is not None:
-            tau_s = np.geomspace(found.tau_s[0], found.tau_s[-1], 120)
+            tau_s = np.geomspace(deviation.tau_s[0], deviation.tau_s[-1], 120)
             axes.plot(tau_s, detail.noise.deviation_deg_per_h(tau_s), color=colour, linewidth=1.0)
     axes.set_xscale("log")
     axes.set_yscale("log")

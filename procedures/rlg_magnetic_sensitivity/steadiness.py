@@ -50,7 +50,7 @@ def block_phasors(
     the fits leave of the data (n,).
     """
     shape = len(edges_s) - 1, len(frequencies_Hz)
-    found = np.full(shape, np.nan + 0j)
+    result = np.full(shape, np.nan + 0j)
     variance = np.full(shape, np.nan)
     residuals = np.zeros(len(data))
     place = np.clip(np.searchsorted(edges_s, time_s, side="right") - 1, 0, shape[0] - 1)
@@ -62,11 +62,11 @@ def block_phasors(
         slope = (t - t.mean()) / (np.ptp(t) or 1.0)
         design = np.column_stack((line_columns(t, frequencies_Hz), np.ones(len(t)), slope))
         fit = least_squares(design, data[here])
-        found[block] = phasors(fit.coefficients[: 2 * shape[1]])
+        result[block] = phasors(fit.coefficients[: 2 * shape[1]])
         residuals[here] = fit.residuals
         spread = np.diag(fit.inverse_normal)[: 2 * shape[1]]
         variance[block] = 0.5 * (spread[0::2] + spread[1::2])
-    return found, variance, residuals
+    return result, variance, residuals
 
 
 def field_by_block(
@@ -90,9 +90,9 @@ def field_by_block(
         own = max((AXES.index(axis) for axis in line.axes), key=lambda a: abs(line.phasor_mT[a]))
         values = segment.field_mT[used, own]
         whole, *_ = block_phasors(time_s, values, frequencies, np.array([edges_s[0], edges_s[-1]]))
-        found, variance, _ = block_phasors(time_s, values, frequencies, edges_s)
+        phasors, variance, _ = block_phasors(time_s, values, frequencies, edges_s)
         sample = 2.0 * float(line.variance_mT2[own]) * len(time_s) / 2.0
-        relative[:, k] = found[:, k] / whole[0, k]
+        relative[:, k] = phasors[:, k] / whole[0, k]
         spread[:, k] = np.sqrt(variance[:, k] * sample) / abs(whole[0, k])
     return relative, spread
 
@@ -145,7 +145,7 @@ def _unfaithful(
     time_s = segment.time_s[kept] - 0.5 * float(segment.time_s[0] + segment.time_s[-1])
     data = gyro.lines_deg_per_h[kept] + gyro.residual_deg_per_h[kept]
     frequencies = [field.lines[k].frequency_Hz for k in lines]
-    found, variance, left = block_phasors(time_s, data, frequencies, edges_s)
+    phasors, variance, left = block_phasors(time_s, data, frequencies, edges_s)
     index = grid_index(segment.time_s, segment.sample_interval_s)[kept]
     spectrum = periodogram(left, index - index[0], segment.sample_interval_s)
     block_Hz = 1.0 / float(edges_s[1] - edges_s[0])
@@ -159,7 +159,7 @@ def _unfaithful(
         used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
         if int(used.sum()) < 2 or noise <= 0.0:
             continue
-        answer, wave = found[used, slot], relative[used, k]
+        answer, wave = phasors[used, slot], relative[used, k]
         gained, scatter = changes(answer, wave, 1.0 / (variance[used, slot] * noise + cut_pulse**2))
         worst, degrees = int(np.argmax(gained)), 2.0 * (int(used.sum()) - 1)
         by_change = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
@@ -192,7 +192,7 @@ def noise_beside(
     return LocalNoise(float(np.median(spectrum.ordinate[ring])) / np.log(2.0), float(count) / 2.0)
 
 
-def changes(found: Complex, field: Complex, weight: Array) -> tuple[Array, float]:
+def changes(answers: Complex, field: Complex, weight: Array) -> tuple[Array, float]:
     """Return by how much the weighted sum of squares falls with another answer from each block on.
 
     `found` (blocks,) is `field` (blocks,) times an answer, with `weight` over each part's variance.
@@ -202,11 +202,11 @@ def changes(found: Complex, field: Complex, weight: Array) -> tuple[Array, float
     def explained(product: Complex, power: Array) -> Array:
         return np.abs(product) ** 2 / np.where(power > 0.0, power, np.inf)
 
-    product = np.cumsum(weight * found * field.conj())
+    product = np.cumsum(weight * answers * field.conj())
     power = np.cumsum(weight * np.abs(field) ** 2)
     whole = explained(product[-1:], power[-1:])[0]
     before, after = explained(product, power), explained(product[-1] - product, power[-1] - power)
-    return (before + after - whole)[:-1], float(np.sum(weight * np.abs(found) ** 2) - whole)
+    return (before + after - whole)[:-1], float(np.sum(weight * np.abs(answers) ** 2) - whole)
 
 
 @dataclass(frozen=True)
@@ -251,23 +251,23 @@ def repeated(
     check: str, result: RlgAnalysis, again: RlgAnalysis, segments: Sequence[Segment], reach: float
 ) -> Iterator[Tested]:
     """Yield each axis that was measured again; `reach` is in standard uncertainties."""
-    before = {one.axis: one for one in result.estimates}
-    for one in again.estimates:
-        first = before.get(one.axis)
+    before = {estimate.axis: estimate for estimate in result.estimates}
+    for estimate in again.estimates:
+        first = before.get(estimate.axis)
         if first is None or first.value is None or first.standard_uncertainty is None:
             continue
-        if one.value is None or one.standard_uncertainty is None:
+        if estimate.value is None or estimate.standard_uncertainty is None:
             continue
-        drive = next(d for s in segments for axis, d in s.drive.items() if axis == one.axis)
-        u = float(np.hypot(one.standard_uncertainty, first.standard_uncertainty))
+        drive = next(d for s in segments for axis, d in s.drive.items() if axis == estimate.axis)
+        u = float(np.hypot(estimate.standard_uncertainty, first.standard_uncertainty))
         yield Tested(
             check,
-            one.axis,
+            estimate.axis,
             drive.frequency_Hz,
             drive.amplitude_mT,
-            one.value,
-            one.standard_uncertainty,
-            one.value - first.value,
+            estimate.value,
+            estimate.standard_uncertainty,
+            estimate.value - first.value,
             u,
             reach * u,
         )
@@ -297,35 +297,34 @@ def background(
 
 def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
     """Yield a flag for each difference that chance does not explain."""
-    for one in tested:
-        if not one.differs:
+    for test in tested:
+        if not test.differs:
             continue
-        whose = "" if one.axis is None else f" of {one.axis}"
-        off = (
-            f"{one.difference:+.2g} deg/h/mT ({one.difference / one.difference_uncertainty:+.1f} u)"
-        )
+        whose = "" if test.axis is None else f" of {test.axis}"
+        in_u = test.difference / test.difference_uncertainty
+        off = f"{test.difference:+.2g} deg/h/mT ({in_u:+.1f} u)"
         details = {
-            "difference": one.difference,
-            "standard_uncertainty": one.difference_uncertainty,
+            "difference": test.difference,
+            "standard_uncertainty": test.difference_uncertainty,
         }
-        if one.check == "linearity":
+        if test.check == "linearity":
             not_text = (
-                f"At {one.amplitude_mT:g} mT the magnetic sensitivity{whose} is another one by "
+                f"At {test.amplitude_mT:g} mT the magnetic sensitivity{whose} is another one by "
                 f"{off}: the response is not in proportion to the field, as that of a shield near "
                 "saturation; state the sensitivity with its field."
             )
-            yield Flag("not-linear", not_text, one.axis, details)
-        elif one.check == "frequency":
+            yield Flag("not-linear", not_text, test.axis, details)
+        elif test.check == "frequency":
             differs_text = (
-                f"At {one.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is another one by "
+                f"At {test.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is another one by "
                 f"{off}: a delay, eddy currents and pickup grow with the frequency; the lower one "
                 "is nearer to a steady field."
             )
-            yield Flag("differs-with-frequency", differs_text, one.axis, details)
+            yield Flag("differs-with-frequency", differs_text, test.axis, details)
         else:
             background_text = (
-                f"With the coils off the output has a line at {one.frequency_Hz:.4g} Hz that would "
-                f"pass for {one.value:.2g} deg/h/mT{whose}: something else acts at the field's "
-                "frequency; choose another frequency."
+                f"With the coils off the output has a line at {test.frequency_Hz:.4g} Hz that "
+                f"would pass for {test.value:.2g} deg/h/mT{whose}: something else acts at the "
+                "field's frequency; choose another frequency."
             )
-            yield Flag("background-line", background_text, one.axis, details)
+            yield Flag("background-line", background_text, test.axis, details)

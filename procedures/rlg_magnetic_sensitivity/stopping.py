@@ -65,8 +65,9 @@ class Standing:
 def is_enough(standings: Iterable[Standing], stop: Stop) -> bool:
     """Return whether every axis is as well known, or as clearly decided, as the plan asks for."""
     return all(
-        one.reaches(stop.uncertainty_deg_per_h_per_mT) or (stop.early_decision and one.is_clear())
-        for one in standings
+        standing.reaches(stop.uncertainty_deg_per_h_per_mT)
+        or (stop.early_decision and standing.is_clear())
+        for standing in standings
     )
 
 
@@ -81,7 +82,7 @@ def samples_at_next_look(
     growth = SHORTEST_GROWTH
     if not stop.early_decision and stop.uncertainty_deg_per_h_per_mT is not None:
         target = stop.uncertainty_deg_per_h_per_mT / GUARD
-        known = [one.standard_uncertainty for one in standings]
+        known = [standing.standard_uncertainty for standing in standings]
         worst = max((u for u in known if u is not None), default=target)
         growth = min((worst / target) ** 2, LONGEST_GROWTH) if None not in known else growth
     return planned.whole_blocks(max(growth * samples, samples + planned.block))
@@ -103,7 +104,7 @@ class Patience:
             return None
         with self._run.clock.allow(reading_back_s(samples, self._run.parameters.sample_interval_s)):
             standings = standings_of(self._run, self._planned, facts)
-        self._standing = ", ".join(self._told(one) for one in standings)
+        self._standing = ", ".join(self._told(standing) for standing in standings)
         if is_enough(standings, self._stop):
             self._run.progress.say(f"    {self._planned.unit}: enough: {self._standing}")
             return None
@@ -119,13 +120,14 @@ class Patience:
         now = f", {self._standing}" if self._standing else ""
         return f"{text}, looked at then, {span(left_s)} more at the most{now}"
 
-    def _told(self, one: Standing) -> str:
-        if one.value is None or one.standard_uncertainty is None or self._stop is None:
-            return f"{one.axis} undetermined"
+    def _told(self, standing: Standing) -> str:
+        if standing.value is None or standing.standard_uncertainty is None or self._stop is None:
+            return f"{standing.axis} undetermined"
         target = self._stop.uncertainty_deg_per_h_per_mT
         asked = "" if target is None else f" (asked {target:g})"
-        clear = ", clear" if self._stop.early_decision and one.is_clear() else ""
-        return f"{one.axis} {one.value:+.4f}, u {one.standard_uncertainty:.4f}{asked}{clear}"
+        clear = ", clear" if self._stop.early_decision and standing.is_clear() else ""
+        u = f"u {standing.standard_uncertainty:.4f}"
+        return f"{standing.axis} {standing.value:+.4f}, {u}{asked}{clear}"
 
 
 def standings_of(run: Run, planned: PlannedRecord, facts: Mapping[str, Any]) -> list[Standing]:
@@ -135,18 +137,18 @@ def standings_of(run: Run, planned: PlannedRecord, facts: Mapping[str, Any]) -> 
 
     parameters: RlgParameters = run.parameters
     units = [record.unit for record in sensitivity_records(parameters)]
-    found, inputs = estimates_so_far(
+    estimates, inputs = estimates_so_far(
         run.read_back(), units, parameters, run.bench, (planned.unit, facts)
     )
     limits = run.plan.limits_by_axis()
     standings = []
-    for one, combined in zip(found, combine(found, inputs), strict=True):
-        if one.axis in planned.drive:
-            limit = limits.get((one.name, one.axis))
+    for estimate, combined in zip(estimates, combine(estimates, inputs), strict=True):
+        if estimate.axis in planned.drive:
+            limit = limits.get((estimate.name, estimate.axis))
             standings.append(
                 Standing(
-                    str(one.axis),
-                    one.value,
+                    str(estimate.axis),
+                    estimate.value,
                     combined.standard_uncertainty if combined else None,
                     limit.interval() if limit else None,
                 )

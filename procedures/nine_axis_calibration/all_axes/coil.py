@@ -62,28 +62,30 @@ def _spans(applied: Array) -> bool:
     return bool(spread[-1] > SMALLEST_SPREAD * spread[0])
 
 
-def estimates_in_coil(one: InCoil) -> Iterator[Estimate]:
+def estimates_in_coil(in_coil: InCoil) -> Iterator[Estimate]:
     """Yield offset, scale factor and directions, as the gaussmeter lies."""
-    gain = one.state[:, 1:]
+    gain = in_coil.state[:, 1:]
     for n, axis in enumerate(AXES):
-        u = float(np.sqrt(one.covariance[n, 0, 0]))
+        u = float(np.sqrt(in_coil.covariance[n, 0, 0]))
         by_zero = {ZERO: float(np.linalg.norm(gain[n]))}
-        yield _estimate("magnetometer_offset", axis, one.state[n, 0], "nT", u, one, n, by_zero)
+        yield _estimate(
+            "magnetometer_offset", axis, in_coil.state[n, 0], "nT", u, in_coil, n, by_zero
+        )
     for n, axis in enumerate(AXES):
-        u = float(np.sqrt(one.covariance[n, n + 1, n + 1]))
+        u = float(np.sqrt(in_coil.covariance[n, n + 1, n + 1]))
         by_gain = {GAIN: float(gain[n, n])}
-        yield _estimate("magnetometer_scale_factor", axis, gain[n, n], "1", u, one, n, by_gain)
+        yield _estimate("magnetometer_scale_factor", axis, gain[n, n], "1", u, in_coil, n, by_gain)
     for n, axis in enumerate(AXES):
         for m, other in enumerate(AXES):
             if n == m:
                 continue
             slope = np.zeros(UNKNOWNS)
             slope[m + 1], slope[n + 1] = 1.0 / gain[n, n], -gain[n, m] / gain[n, n] ** 2
-            u = ARCSEC_PER_RAD * float(np.sqrt(slope @ one.covariance[n] @ slope))
+            u = ARCSEC_PER_RAD * float(np.sqrt(slope @ in_coil.covariance[n] @ slope))
             value = ARCSEC_PER_RAD * gain[n, m] / gain[n, n]
             lean = {ALIGNMENT: ARCSEC_PER_RAD}
             name = "magnetometer_misalignment"
-            yield _estimate(name, axis + other, value, "arcsec", u, one, n, lean, FRAME)
+            yield _estimate(name, axis + other, value, "arcsec", u, in_coil, n, lean, FRAME)
 
 
 def _estimate(
@@ -92,12 +94,12 @@ def _estimate(
     value: float,
     unit: str,
     u: float,
-    one: InCoil,
+    in_coil: InCoil,
     row: int,
     sensitivities: dict[str, float],
     extra: dict[str, str] | None = None,
 ) -> Estimate:
-    freedom = float(one.freedom[row])
+    freedom = float(in_coil.freedom[row])
     return Estimate(name, axis, float(value), unit, u, freedom, METHOD, sensitivities, extra or {})
 
 

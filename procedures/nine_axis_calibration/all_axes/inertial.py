@@ -31,7 +31,7 @@ FEWEST = 4
 
 
 @dataclass(frozen=True)
-class Stand:
+class Orientation:
     """A direction that was felt: nominal `up` (3,), known to `u_rad`, mean force (3,) in g and u;
     of a mounting what the gyros read of its turns."""
 
@@ -45,14 +45,14 @@ class Stand:
 
 @dataclass(frozen=True)
 class Inertial:
-    """The solution: state (21 + 2 s,) with covariance, directions `up` (s, 3) of the stands in S.
+    """The solution: state (21 + 2 s,), covariance, directions `up` (s, 3) of orientations in S.
 
     `determined` says whether bias, scale factor and non-orthogonality are, `second_order` whether
     that is, `gyros` whether all gyros were turned with the accelerometers. `wider` is by how much
-    uncertainties grew since the stands disagree.
+    uncertainties grew since the orientations disagree.
     """
 
-    stands: tuple[Stand, ...]
+    orientations: tuple[Orientation, ...]
     state: Array
     covariance: Array
     up: Array
@@ -77,28 +77,32 @@ class Inertial:
         return float(np.sqrt(np.max(np.diag(self.covariance)[B])))
 
 
-def stands_of(data: OtherAxes) -> tuple[Stand, ...]:
+def orientations_of(data: OtherAxes) -> tuple[Orientation, ...]:
     """Return every direction in which accelerometers were recorded."""
-    found = [
-        *map(_stand_of_rest, data.rests),
-        *map(_stand_of_mounting, data.with_acceleration),
+    orientations = [
+        *map(_orientation_of_rest, data.rests),
+        *map(_orientation_of_mounting, data.with_acceleration),
     ]
-    return tuple(one for one in found if np.isfinite(one.force_g).all() and (one.force_u > 0).all())
+    return tuple(
+        orientation
+        for orientation in orientations
+        if np.isfinite(orientation.force_g).all() and (orientation.force_u > 0).all()
+    )
 
 
-def _stand_of_rest(rest: Rest) -> Stand:
-    return Stand(rest.name, rest.up, rest.u_rad, *at_rest(rest, rest.acceleration_g))
+def _orientation_of_rest(rest: Rest) -> Orientation:
+    return Orientation(rest.name, rest.up, rest.u_rad, *at_rest(rest, rest.acceleration_g))
 
 
-def _stand_of_mounting(mounting: Mounted) -> Stand:
+def _orientation_of_mounting(mounting: Mounted) -> Orientation:
     samples = [
-        np.column_stack((one.turn.rate_deg_per_s, _there(one.acceleration_g)))
-        for one in mounting.records
+        np.column_stack((record.turn.rate_deg_per_s, _there(record.acceleration_g)))
+        for record in mounting.records
     ]
     waves = waves_of(mounting, samples)
     force, covariance = without_rate(mounting, waves, 3)
     u = np.sqrt(np.diag(covariance))
-    return Stand(mounting.name, mounting.up, mounting.u_rad, force, u, response_of(waves))
+    return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response_of(waves))
 
 
 def _there(samples: Array | None) -> Array:
@@ -106,10 +110,12 @@ def _there(samples: Array | None) -> Array:
     return samples
 
 
-def ranks(stands: Sequence[Stand]) -> tuple[bool, bool]:
+def ranks(orientations: Sequence[Orientation]) -> tuple[bool, bool]:
     """Return whether the nominal directions determine the first order, and the second."""
-    known = np.array([one.up for one in stands if one.u_rad <= WELL_KNOWN_RAD]).reshape(-1, 3)
-    every = np.array([one.up for one in stands]).reshape(-1, 3)
+    known = np.array(
+        [orientation.up for orientation in orientations if orientation.u_rad <= WELL_KNOWN_RAD]
+    ).reshape(-1, 3)
+    every = np.array([orientation.up for orientation in orientations]).reshape(-1, 3)
     by_direction = np.column_stack((np.ones(len(known)), known))
     products = np.column_stack([every[:, i] * every[:, j] for i, j in CROSS])
     by_size = np.column_stack((every, every**2, products))
@@ -123,14 +129,14 @@ def _rank(matrix: Array) -> int:
 
 def solve_inertial(data: OtherAxes) -> Inertial | None:
     """Return the fit; None where the directions do not determine the accelerometers."""
-    stands = stands_of(data)
-    first, second = ranks(stands)
+    orientations = orientations_of(data)
+    first, second = ranks(orientations)
     if not first:
         return None
-    across = np.array([plane_across(one.up) for one in stands])
-    responses = [one for one in stands if one.response is not None]
-    gyros = {int(np.argmax(np.abs(one.up))) for one in responses} == {0, 1, 2}
-    state = np.zeros(SENSOR + 3 + 2 * len(stands))
+    across = np.array([plane_across(orientation.up) for orientation in orientations])
+    responses = [orientation for orientation in orientations if orientation.response is not None]
+    gyros = {int(np.argmax(np.abs(orientation.up))) for orientation in responses} == {0, 1, 2}
+    state = np.zeros(SENSOR + 3 + 2 * len(orientations))
     state[K], state[SENSOR : SENSOR + 3] = 1.0, 1.0
     second_u = data.second_order_u if not second else None
     free = _free(state, second_u, gyros=gyros)
@@ -138,7 +144,7 @@ def solve_inertial(data: OtherAxes) -> Inertial | None:
     def residuals(part: Array) -> Array:
         whole = state.copy()
         whole[free] = part
-        return _residuals(whole, stands, across, data, second_u, gyros=gyros)
+        return _residuals(whole, orientations, across, data, second_u, gyros=gyros)
 
     scale = np.full(len(state), 1e-4)
     fit = least_squares(residuals, state[free], x_scale=scale[free], method="lm", xtol=1e-14)
@@ -152,10 +158,10 @@ def solve_inertial(data: OtherAxes) -> Inertial | None:
     jacobian = _jacobian(residuals, fit.x)
     covariance = np.zeros((len(state), len(state)))
     covariance[np.ix_(free, free)] = np.linalg.pinv(jacobian.T @ jacobian) * wider**2
-    up = _directions(whole, stands, across)
-    by_state = _jacobian(lambda x: _directions(x, stands, across).ravel(), whole)
+    up = _directions(whole, orientations, across)
+    by_state = _jacobian(lambda x: _directions(x, orientations, across).ravel(), whole)
     return Inertial(
-        stands,
+        orientations,
         whole,
         covariance,
         up,
@@ -177,17 +183,19 @@ def _free(state: Array, second_u: float | None, *, gyros: bool) -> NDArray[np.bo
     return free
 
 
-def _directions(state: Array, stands: Sequence[Stand], across: Array) -> Array:
+def _directions(state: Array, orientations: Sequence[Orientation], across: Array) -> Array:
     """Return what points up in S (s, 3) at each stand."""
     lean = state[SENSOR + 3 :].reshape(-1, 2)
-    base = np.array([one.up for one in stands]) + np.einsum("sk,ski->si", lean, across)
+    base = np.array([orientation.up for orientation in orientations]) + np.einsum(
+        "sk,ski->si", lean, across
+    )
     base /= np.linalg.norm(base, axis=1)[:, None]
     return np.asarray(base @ rotation(state[TURN]).T)
 
 
 def _residuals(
     state: Array,
-    stands: Sequence[Stand],
+    orientations: Sequence[Orientation],
     across: Array,
     data: OtherAxes,
     second_u: float | None,
@@ -195,26 +203,29 @@ def _residuals(
     gyros: bool,
 ) -> Array:
     """Return all residuals in units of their standard uncertainties."""
-    up = _directions(state, stands, across)
+    up = _directions(state, orientations, across)
     force = data.gravity_g * up
     shape = np.eye(3)
     for term, (i, j) in zip(state[N], CROSS, strict=True):
         shape[i, j] = shape[j, i] = term
     read = state[B] + state[K] * (force @ shape.T) + state[K2] * force**2
-    measured = np.array([one.force_g for one in stands])
-    u = np.array([one.force_u for one in stands])
+    measured = np.array([orientation.force_g for orientation in orientations])
+    u = np.array([orientation.force_u for orientation in orientations])
     lean = state[SENSOR + 3 :].reshape(-1, 2)
-    parts = [((measured - read) / u).ravel(), (lean / [[one.u_rad] for one in stands]).ravel()]
+    parts = [
+        ((measured - read) / u).ravel(),
+        (lean / [[orientation.u_rad] for orientation in orientations]).ravel(),
+    ]
     if second_u:
         parts.append(state[K2] / second_u)
     if gyros:
         towards = np.eye(3)
         for term, (i, j) in zip(state[M:SENSOR], PAIRS, strict=True):
             towards[i, j] = term
-        for one, direction in zip(stands, up, strict=True):
-            if one.response is not None:
+        for orientation, direction in zip(orientations, up, strict=True):
+            if orientation.response is not None:
                 gain = state[SENSOR : SENSOR + 3] * (towards @ direction)
-                left = (one.response.gain - gain) / one.response.gain_u
+                left = (orientation.response.gain - gain) / orientation.response.gain_u
                 parts.append(left[np.isfinite(left)])
     return np.concatenate(parts)
 

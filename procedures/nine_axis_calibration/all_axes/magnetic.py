@@ -58,17 +58,17 @@ class Magnetic:
 
 def felt_of(data: OtherAxes) -> tuple[list[Felt], Array]:
     """Return what was felt in every direction, and the delay of each axis in s (3,)."""
-    mounted = [(one, _waves(one)) for one in data.with_field]
+    mounted = [(mounting, _waves(mounting)) for mounting in data.with_field]
     delay_s = _delay([waves for _, waves in mounted])
-    found = [_averaged(one, waves, delay_s) for one, waves in mounted if waves]
-    found += [_of_rest(one, one.field_nT) for one in data.rests if one.field_nT is not None]
-    whole = [one for one in found if np.isfinite(one.wave[0]).all()]
+    felt = [_averaged(mounting, waves, delay_s) for mounting, waves in mounted if waves]
+    felt += [_of_rest(rest, rest.field_nT) for rest in data.rests if rest.field_nT is not None]
+    whole = [direction for direction in felt if np.isfinite(direction.wave[0]).all()]
     return whole, delay_s
 
 
 def _waves(mounting: Mounted) -> list[Wave]:
-    samples = [one.field_nT for one in mounting.records if one.field_nT is not None]
-    return [one for one in waves_of(mounting, samples) if np.isfinite(one.value).all()]
+    samples = [record.field_nT for record in mounting.records if record.field_nT is not None]
+    return [wave for wave in waves_of(mounting, samples) if np.isfinite(wave.value).all()]
 
 
 def _of_rest(rest: Rest, field_nT: Array) -> Felt:
@@ -82,8 +82,8 @@ def _delay(mounted: Sequence[Sequence[Wave]]) -> Array:
     """Return how late each axis answers: its wave is behind by that times the rate, either way."""
     delay, weight = np.zeros(3), np.full(3, 1e-12)
     for waves in mounted:
-        rates = np.array([one.rate_rad_per_s for one in waves])
-        complex_ = np.array([one.value[1] + 1j * one.value[2] for one in waves])
+        rates = np.array([wave.rate_rad_per_s for wave in waves])
+        complex_ = np.array([wave.value[1] + 1j * wave.value[2] for wave in waves])
         for size in np.unique(np.round(np.abs(rates), 3)):
             own = np.isclose(np.abs(rates), size, atol=2e-3)
             forth, back = own & (rates > 0.0), own & (rates < 0.0)
@@ -100,36 +100,36 @@ def _averaged(mounting: Mounted, waves: Sequence[Wave], delay_s: Array) -> Felt:
     """Return the wave of a mounting, both senses alike: what goes with the rate drops out."""
     senses = []
     for sign in (1.0, -1.0):
-        own = [one for one in waves if np.sign(one.rate_rad_per_s) == sign]
+        own = [wave for wave in waves if np.sign(wave.rate_rad_per_s) == sign]
         if own:
             senses.append(_weighted(own, delay_s))
-    value = np.mean([one for one, _ in senses], axis=0)
-    covariance = np.sum([one for _, one in senses], axis=0) / len(senses) ** 2
+    value = np.mean([wave for wave, _ in senses], axis=0)
+    covariance = np.sum([share for _, share in senses], axis=0) / len(senses) ** 2
     return Felt(mounting.name, value, covariance, mounting.up, turned=True)
 
 
 def _weighted(waves: Sequence[Wave], delay_s: Array) -> tuple[Array, Array]:
-    weights = np.array([1.0 / max(float(one.inverse[0, 0]), SMALLEST) for one in waves])
+    weights = np.array([1.0 / max(float(wave.inverse[0, 0]), SMALLEST) for wave in waves])
     weights /= weights.sum()
     value, covariance = np.zeros((3, 3)), np.zeros((9, 9))
-    for weight, one in zip(weights, waves, strict=True):
-        turned = (one.value[1] + 1j * one.value[2]) * np.exp(-1j * delay_s * one.rate_rad_per_s)
-        value += weight * np.array([one.value[0], turned.real, turned.imag])
-        covariance += weight**2 * np.kron(one.inverse, np.diag(one.sigma**2))
+    for weight, wave in zip(weights, waves, strict=True):
+        turned = (wave.value[1] + 1j * wave.value[2]) * np.exp(-1j * delay_s * wave.rate_rad_per_s)
+        value += weight * np.array([wave.value[0], turned.real, turned.imag])
+        covariance += weight**2 * np.kron(wave.inverse, np.diag(wave.sigma**2))
     return value, covariance
 
 
 def solve_magnetic(data: OtherAxes, inertial: Inertial | None) -> Magnetic | None:
     """Return the magnetometer's offset and matrix; None where the directions determine neither."""
     felt, delay_s = felt_of(data)
-    turned = [one for one in felt if one.turned]
+    turned = [direction for direction in felt if direction.turned]
     if not turned:
         return None
     up, up_root = _known_up(felt, data, inertial)
     known = data.field_nT is not None
     size_nT = data.field_nT or FIELD_SCALE_NT
     state = _start(felt, up, data, size_nT)
-    roots = [_root(one) for one in felt]
+    roots = [_root(direction) for direction in felt]
 
     def residuals(at: Array) -> Array:
         return _residuals(at, felt, roots, up, up_root, data, size_nT)
@@ -168,17 +168,17 @@ def _known_up(
     From the accelerometers where they are determined; else nominal, within the prior.
     """
     count = len(felt)
-    up = np.array([one.up for one in felt])
+    up = np.array([direction.up for direction in felt])
     covariance = np.zeros((2 * count, 2 * count))
     if inertial is None:
-        sizes = {one.name: one.u_rad for one in data.rests}
-        sizes |= {one.name: one.u_rad for one in data.mountings}
-        covariance = np.diag(np.repeat([sizes[one.name] ** 2 for one in felt], 2))
+        sizes = {rest.name: rest.u_rad for rest in data.rests}
+        sizes |= {mounting.name: mounting.u_rad for mounting in data.mountings}
+        covariance = np.diag(np.repeat([sizes[direction.name] ** 2 for direction in felt], 2))
     else:
-        places = {one.name: n for n, one in enumerate(inertial.stands)}
-        pick = np.zeros((2 * count, 3 * len(inertial.stands)))
-        for n, one in enumerate(felt):
-            place = places[one.name]
+        places = {orientation.name: n for n, orientation in enumerate(inertial.orientations)}
+        pick = np.zeros((2 * count, 3 * len(inertial.orientations)))
+        for n, direction in enumerate(felt):
+            place = places[direction.name]
             up[n] = inertial.up[place]
             pick[2 * n : 2 * n + 2, 3 * place : 3 * place + 3] = plane_across(up[n])
         covariance = pick @ inertial.up_covariance @ pick.T
@@ -186,16 +186,16 @@ def _known_up(
     return up, vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _root(one: Felt) -> Array:
-    count = 9 if one.turned else 3
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(one.covariance[:count, :count])))
+def _root(felt: Felt) -> Array:
+    count = 9 if felt.turned else 3
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(felt.covariance[:count, :count])))
 
 
 def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> Array:
     """Return where the search begins: an ideal sensor, the offset that the means leave."""
     state = np.zeros(SENSOR + len(felt) + 2 * len(felt))
     state[A] = np.eye(3).ravel()
-    turned = [n for n, one in enumerate(felt) if one.turned]
+    turned = [n for n, direction in enumerate(felt) if direction.turned]
     across_nT = float(np.mean([np.linalg.norm(felt[n].wave[1:]) / np.sqrt(2.0) for n in turned]))
     field_nT = data.field_nT or FIELD_SCALE_NT
     angle = data.inclination_rad
@@ -206,9 +206,11 @@ def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> 
     upwards = -field_nT * float(np.sin(angle))
     offset = np.mean([felt[n].wave[0] - upwards * up[n] for n in turned], axis=0)
     state[O] = offset / size_nT
-    for n, one in enumerate(felt):
+    for n, direction in enumerate(felt):
         plane = plane_across(up[n])
-        seen = one.wave[1] if one.turned else one.wave[0] - offset - upwards * up[n]
+        seen = (
+            direction.wave[1] if direction.turned else direction.wave[0] - offset - upwards * up[n]
+        )
         state[SENSOR + n] = np.arctan2(plane[1] @ seen, plane[0] @ seen)
     return state
 
@@ -237,19 +239,19 @@ def _residuals(
     azimuth = state[SENSOR : SENSOR + count]
     lean = (up_root @ state[SENSOR + count :]).reshape(count, 2)
     parts = [state[SENSOR + count :], state[[AXIS]]]
-    for n, one in enumerate(felt):
-        angle = state[I] + (state[AXIS] * data.tilt_rad if one.turned else 0.0)
+    for n, sensed in enumerate(felt):
+        angle = state[I] + (state[AXIS] * data.tilt_rad if sensed.turned else 0.0)
         level, upwards = state[F] * np.cos(angle), -state[F] * np.sin(angle)
         direction = up[n] + lean[n] @ plane_across(up[n])
         direction = direction / np.linalg.norm(direction)
         first, second = plane_across(direction, up[n])
         toward = level * (np.cos(azimuth[n]) * first + np.sin(azimuth[n]) * second)
         wave = np.array([direction * upwards, toward, -np.cross(direction, toward)])
-        if not one.turned:
+        if not sensed.turned:
             wave = wave[:1] + wave[1:2]
         read = size_nT * (wave @ gain.T)
         read[0] += size_nT * state[O]
-        measured = one.wave if one.turned else one.wave[:1]
+        measured = sensed.wave if sensed.turned else sensed.wave[:1]
         parts.append(roots[n] @ (measured - read).ravel())
     parts.append(np.atleast_1d(_field_prior(state, data, size_nT)))
     return np.concatenate(parts)
@@ -257,13 +259,13 @@ def _residuals(
 
 def _field_prior(state: Array, data: OtherAxes, size_nT: float) -> Array:
     """Return what the known field says; where none is known the gains have mean one."""
-    found = []
+    left = []
     if data.field_nT is not None:
         size = max(data.field_u_nT, 1e-6 * data.field_nT)
-        found.append((state[F] * size_nT - data.field_nT) / size)
+        left.append((state[F] * size_nT - data.field_nT) / size)
     else:
-        found.append((np.trace(state[A].reshape(3, 3)) / 3.0 - 1.0) / 1e-9)
+        left.append((np.trace(state[A].reshape(3, 3)) / 3.0 - 1.0) / 1e-9)
     if data.inclination_rad is not None:
         size = max(data.inclination_u_rad, 1e-7)
-        found.append((state[I] - data.inclination_rad) / size)
-    return np.array(found)
+        left.append((state[I] - data.inclination_rad) / size)
+    return np.array(left)

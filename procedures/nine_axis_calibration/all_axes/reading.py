@@ -117,23 +117,23 @@ def other_axes(
         not poses
         and coil is None
         and not any(
-            one.acceleration_g is not None or one.field_nT is not None
+            record.acceleration_g is not None or record.field_nT is not None
             for mounting in mountings
-            for one in mounting.records
+            for record in mounting.records
         )
     ):
         return None
     tilt_rad = math.radians(conditions.prior.tilt_arcmin / 60.0)
     rests = [
         Rest(
-            f"position {one.position}",
-            np.array(ATTITUDES[one.position])[:, 2],
+            f"position {record.position}",
+            np.array(ATTITUDES[record.position])[:, 2],
             tilt_rad,
-            one.time_s,
-            one.acceleration_g,
+            record.time_s,
+            record.acceleration_g,
             field,
         )
-        for one, field in zip(static, static_field, strict=True)
+        for record, field in zip(static, static_field, strict=True)
     ]
     prior, field = conditions.prior, conditions.earth_field
     inclination = field.inclination_deg if field else None
@@ -185,8 +185,8 @@ def _with_own_names(rests: Sequence[Rest]) -> tuple[Rest, ...]:
     """Return stands of which no two have one name."""
     from dataclasses import replace
 
-    names = [one.name for one in rests]
+    names = [rest.name for rest in rests]
     return tuple(
-        replace(one, name=f"{one.name} ({n})") if names.count(one.name) > 1 else one
-        for n, one in enumerate(rests, 1)
+        replace(rest, name=f"{rest.name} ({n})") if names.count(rest.name) > 1 else rest
+        for n, rest in enumerate(rests, 1)
     )

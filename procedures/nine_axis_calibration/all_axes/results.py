@@ -12,7 +12,7 @@ from procedures.nine_axis_calibration.dataset import AXES
 from station.findings import Estimate, Flag, InputQuantity, Published, undetermined
 
 from .coil import InCoil, coil_inputs, estimates_in_coil, solve_coil
-from .inertial import CROSS, K2, PAIRS, TURN, B, Inertial, K, M, N, solve_inertial, stands_of
+from .inertial import CROSS, K2, PAIRS, TURN, B, Inertial, K, M, N, orientations_of, solve_inertial
 from .magnetic import Magnetic, felt_of, solve_magnetic
 from .sensitivity import UNIT as PER_G
 from .sensitivity import g_sensitivity
@@ -62,11 +62,11 @@ def results_of(data: OtherAxes) -> OtherResults:
     coil = solve_coil(data.coil) if data.coil is not None else None
     estimates: list[Estimate] = []
     flags: list[Flag] = []
-    if stands_of(data):
+    if orientations_of(data):
         estimates += _of_accelerometers(data, inertial)
     if felt_of(data)[0] or data.coil is not None:
         estimates += _of_magnetometer(inertial, magnetic, coil)
-    lacking = [one for one in estimates if one.value is None]
+    lacking = [estimate for estimate in estimates if estimate.value is None]
     if lacking:
         flags.append(_not_identifiable(lacking))
     flags += _doubts(inertial, magnetic, coil)
@@ -81,22 +81,24 @@ def results_of(data: OtherAxes) -> OtherResults:
     )
 
 
-def _of_accelerometers(data: OtherAxes, one: Inertial | None) -> Iterator[Estimate]:
+def _of_accelerometers(data: OtherAxes, inertial: Inertial | None) -> Iterator[Estimate]:
     """Yield what the accelerometers are, in their own frame."""
-    if one is None:
+    if inertial is None:
         for name in IN_ACCELEROMETERS:
             axes, unit = UNITS[name]
             yield from (undetermined(name, axis, unit, METHOD) for axis in axes)
         return
-    u = np.sqrt(np.diag(one.covariance))
-    by_gravity = one.state[K] / data.gravity_g
+    u = np.sqrt(np.diag(inertial.covariance))
+    by_gravity = inertial.state[K] / data.gravity_g
     for n, axis in enumerate(AXES):
-        yield _estimate("accelerometer_bias", axis, one.state[B][n], u[B][n], 1.0, ACCELEROMETERS)
+        yield _estimate(
+            "accelerometer_bias", axis, inertial.state[B][n], u[B][n], 1.0, ACCELEROMETERS
+        )
     for n, axis in enumerate(AXES):
         yield _estimate(
             "accelerometer_scale_factor",
             axis,
-            one.state[K][n],
+            inertial.state[K][n],
             u[K][n],
             1.0,
             ACCELEROMETERS,
@@ -104,22 +106,24 @@ def _of_accelerometers(data: OtherAxes, one: Inertial | None) -> Iterator[Estima
         )
     twice = 2.0 * ARCSEC_PER_RAD
     for n, axis in enumerate(EDGES):
-        yield _estimate("accelerometer_nonorthogonality", axis, one.state[N][n], u[N][n], twice)
+        yield _estimate(
+            "accelerometer_nonorthogonality", axis, inertial.state[N][n], u[N][n], twice
+        )
     for n, axis in enumerate(AXES):
         name = "accelerometer_second_order"
-        if one.second_order:
-            yield _estimate(name, axis, one.state[K2][n], u[K2][n], 1e6)
+        if inertial.second_order:
+            yield _estimate(name, axis, inertial.state[K2][n], u[K2][n], 1e6)
         else:
             yield undetermined(name, axis, UNITS[name][1], METHOD)
     for n, axis in enumerate(AXES):
-        yield _estimate("boresight", axis, one.state[TURN][n], u[TURN][n], ARCSEC_PER_RAD)
-    yield from g_sensitivity(data, one)
+        yield _estimate("boresight", axis, inertial.state[TURN][n], u[TURN][n], ARCSEC_PER_RAD)
+    yield from g_sensitivity(data, inertial)
 
 
-def _misalignment(one: Inertial) -> tuple[Estimate, ...]:
+def _misalignment(inertial: Inertial) -> tuple[Estimate, ...]:
     """Return the gyros' directions to the accelerometers: no mounting is in them."""
     own = slice(M, M + len(PAIRS))
-    state, u = one.state[own], np.sqrt(np.diag(one.covariance))[own]
+    state, u = inertial.state[own], np.sqrt(np.diag(inertial.covariance))[own]
     return tuple(
         _estimate("misalignment", axis, value, size, ARCSEC_PER_RAD, ACCELEROMETERS)
         for axis, value, size in zip(NAMES, state, u, strict=True)
@@ -127,7 +131,7 @@ def _misalignment(one: Inertial) -> tuple[Estimate, ...]:
 
 
 def _of_magnetometer(
-    inertial: Inertial | None, one: Magnetic | None, coil: InCoil | None
+    inertial: Inertial | None, magnetic: Magnetic | None, coil: InCoil | None
 ) -> Iterator[Estimate]:
     """Yield offset, scale factor and directions of the magnetometer: diag(K)(I + M).
 
@@ -135,36 +139,36 @@ def _of_magnetometer(
     scale factors where no field is known, all where nothing was turned.
     """
     in_coil = list(estimates_in_coil(coil)) if coil is not None else []
-    if one is None and in_coil:
+    if magnetic is None and in_coil:
         yield from in_coil
         return
-    for estimate in _in_earths_field(inertial, one):
-        if in_coil and one is not None and one.relative and estimate.name == SCALE:
+    for estimate in _in_earths_field(inertial, magnetic):
+        if in_coil and magnetic is not None and magnetic.relative and estimate.name == SCALE:
             yield next(c for c in in_coil if (c.name, c.axis) == (SCALE, estimate.axis))
         else:
             yield estimate
 
 
-def _in_earths_field(inertial: Inertial | None, one: Magnetic | None) -> Iterator[Estimate]:
+def _in_earths_field(inertial: Inertial | None, magnetic: Magnetic | None) -> Iterator[Estimate]:
     """Yield what turns and stands at rest in the earth's field determine."""
     frame = MOUNTING if inertial is None else ACCELEROMETERS
-    if one is None:
+    if magnetic is None:
         for name in IN_MAGNETOMETER:
             axes, unit = UNITS[name]
             yield from (undetermined(name, axis, unit, METHOD) for axis in axes)
         return
-    u = np.sqrt(np.diag(one.covariance))
+    u = np.sqrt(np.diag(magnetic.covariance))
     for n, axis in enumerate(AXES):
-        yield _estimate("magnetometer_offset", axis, one.offset_nT[n], u[n])
+        yield _estimate("magnetometer_offset", axis, magnetic.offset_nT[n], u[n])
     for n, axis in enumerate(AXES):
         place = 3 + 4 * n
-        yield _estimate("magnetometer_scale_factor", axis, one.gain[n, n], u[place])
+        yield _estimate("magnetometer_scale_factor", axis, magnetic.gain[n, n], u[place])
     for axis, (i, j) in zip(NAMES, PAIRS, strict=True):
         slope = np.zeros(12)
-        slope[3 + 3 * i + j] = 1.0 / one.gain[i, i]
-        slope[3 + 4 * i] = -one.gain[i, j] / one.gain[i, i] ** 2
-        size = float(np.sqrt(slope @ one.covariance @ slope))
-        value = one.gain[i, j] / one.gain[i, i]
+        slope[3 + 3 * i + j] = 1.0 / magnetic.gain[i, i]
+        slope[3 + 4 * i] = -magnetic.gain[i, j] / magnetic.gain[i, i] ** 2
+        size = float(np.sqrt(slope @ magnetic.covariance @ slope))
+        value = magnetic.gain[i, j] / magnetic.gain[i, i]
         yield _estimate("magnetometer_misalignment", axis, value, size, ARCSEC_PER_RAD, frame)
 
 
@@ -192,7 +196,7 @@ def _estimate(
 
 
 def _not_identifiable(lacking: Sequence[Estimate]) -> Flag:
-    names = list(dict.fromkeys(one.name for one in lacking))
+    names = list(dict.fromkeys(estimate.name for estimate in lacking))
     listed = ", ".join(name.replace("_", " ") for name in names)
     message = (
         f"Not determined by the directions in which the sensor stood: {listed}. Accelerometers "
@@ -238,7 +242,10 @@ def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
 
 def published(data: OtherAxes) -> Iterator[Published]:
     """Yield the textbook's values: six positions, and half of largest and smallest."""
-    means = {tuple(np.round(one.up, 6)): one.force_g for one in stands_of(data)}
+    means = {
+        tuple(np.round(orientation.up, 6)): orientation.force_g
+        for orientation in orientations_of(data)
+    }
     for n, axis in enumerate(AXES):
         up = tuple(np.eye(3)[n])
         down = tuple(-np.eye(3)[n])
@@ -264,7 +271,7 @@ def published(data: OtherAxes) -> Iterator[Published]:
 
 
 def _field_samples(data: OtherAxes) -> Array:
-    records = [r.field_nT for one in data.with_field for r in one.records]
-    records += [one.field_nT for one in data.rests]
-    there = [one for one in records if one is not None]
+    records = [r.field_nT for mounting in data.with_field for r in mounting.records]
+    records += [rest.field_nT for rest in data.rests]
+    there = [field_nT for field_nT in records if field_nT is not None]
     return np.vstack(there) if there else np.zeros((0, 3))

@@ -18,17 +18,24 @@ UNKNOWNS = 4
 """A gyro's bias, and its sensitivity to the force along each axis."""
 
 
-def g_sensitivity(data: OtherAxes, one: Inertial) -> Iterator[Estimate]:
+def g_sensitivity(data: OtherAxes, inertial: Inertial) -> Iterator[Estimate]:
     """Yield each gyro's sensitivity; null where the mountings have fewer than four directions.
 
     At no rate a gyro reads its bias, the earth's rate along the table's axis, and that.
     """
     mounted = [
-        (stand.response, up)
-        for stand, up in zip(one.stands, one.up, strict=True)
-        if stand.response is not None and np.isfinite(stand.response.still_deg_per_h).all()
+        (orientation.response, up)
+        for orientation, up in zip(inertial.orientations, inertial.up, strict=True)
+        if orientation.response is not None
+        and np.isfinite(orientation.response.still_deg_per_h).all()
     ]
-    nominal = np.array([stand.up for stand in one.stands if stand.response is not None])
+    nominal = np.array(
+        [
+            orientation.up
+            for orientation in inertial.orientations
+            if orientation.response is not None
+        ]
+    )
     design = np.column_stack((np.ones(len(nominal)), nominal)) if len(nominal) else np.zeros((0, 4))
     determined = len(mounted) == len(nominal) and np.linalg.matrix_rank(design) == UNKNOWNS
     upwards = float(earth_rate(data.latitude_deg)[2])

@@ -19,11 +19,11 @@ def direction(word: str) -> Array | None:
     """Return the unit vector (3,) in sensor axes of `X`, `-X`, `X+Y`, `-X-Y-Z`; None for others."""
     if not DIRECTION.fullmatch(word):
         return None
-    found = np.zeros(3)
+    up = np.zeros(3)
     for sign, axis in re.findall(r"([+-]?)([XYZ])", word):
-        found[AXES.index(axis)] += -1.0 if sign == "-" else 1.0
-    size = float(np.linalg.norm(found))
-    return found / size if np.count_nonzero(found) == len(re.findall("[XYZ]", word)) else None
+        up[AXES.index(axis)] += -1.0 if sign == "-" else 1.0
+    size = float(np.linalg.norm(up))
+    return up / size if np.count_nonzero(up) == len(re.findall("[XYZ]", word)) else None
 
 
 def plane_across(up: Array, near: Array | None = None) -> Array:
@@ -113,4 +113,8 @@ class OtherAxes:
 
 
 def _with(what: str, mountings: Sequence[Mounted]) -> tuple[Mounted, ...]:
-    return tuple(one for one in mountings if all(getattr(r, what) is not None for r in one.records))
+    return tuple(
+        mounting
+        for mounting in mountings
+        if all(getattr(r, what) is not None for r in mounting.records)
+    )

@@ -34,8 +34,8 @@ class Wave:
 
 def waves_of(mounting: Mounted, channels: Sequence[Array]) -> list[Wave]:
     """Return the wave of each record; `channels` hold its samples (n, c), NaN where none came."""
-    interval_s = interval_of([one.turn.time_s for one in mounting.records])
-    found = []
+    interval_s = interval_of([record.turn.time_s for record in mounting.records])
+    waves = []
     for record, samples in zip(mounting.records, channels, strict=True):
         encoder = unwrap(record.turn, interval_s)
         columns = np.column_stack((np.ones(len(samples)), round_the_turn(encoder, interval_s)))
@@ -55,8 +55,8 @@ def waves_of(mounting: Mounted, channels: Sequence[Array]) -> list[Wave]:
                 sigma[channel] = np.sqrt(np.sum(left[good] ** 2) / max(int(good.sum()) - 3, 1))
                 good = good_samples(np.where(encoder.unsteady, np.nan, left), THRESHOLD)
         rate = float(np.radians(encoder.mean_rate_deg_per_s))
-        found.append(Wave(rate, value, inverse, sigma))
-    return [one for one in found if np.isfinite(one.rate_rad_per_s)]
+        waves.append(Wave(rate, value, inverse, sigma))
+    return [wave for wave in waves if np.isfinite(wave.rate_rad_per_s)]
 
 
 def at_rest(rest: Rest, samples: Array) -> tuple[Array, Array]:
@@ -76,11 +76,13 @@ def without_rate(mounting: Mounted, waves: Sequence[Wave], first: int) -> tuple[
 
     A lever arm feels the square of the rate: its slope is free, along the axis within a little.
     """
-    square = np.array([one.rate_rad_per_s**2 for one in waves])
+    square = np.array([wave.rate_rad_per_s**2 for wave in waves])
     value, u = np.full(3, np.nan), np.full(3, np.nan)
     for channel in range(3):
-        own = np.array([one.value[0, first + channel] for one in waves])
-        size = np.array([one.sigma[first + channel] * np.sqrt(one.inverse[0, 0]) for one in waves])
+        own = np.array([wave.value[0, first + channel] for wave in waves])
+        size = np.array(
+            [wave.sigma[first + channel] * np.sqrt(wave.inverse[0, 0]) for wave in waves]
+        )
         good = np.isfinite(own) & (size > 0.0)
         if not bool(good.any()):
             continue
@@ -108,15 +110,15 @@ def response_of(waves: Sequence[Wave]) -> Response | None:
 
     What grows with the magnitude of the rate, an asymmetry, is free.
     """
-    rate = np.degrees(np.array([one.rate_rad_per_s for one in waves]))
+    rate = np.degrees(np.array([wave.rate_rad_per_s for wave in waves]))
     if not (bool((rate > 0.0).any()) and bool((rate < 0.0).any())):
         return None
-    found = np.full((4, 3), np.nan)
+    fitted = np.full((4, 3), np.nan)
     free = len(np.unique(np.round(np.abs(rate), 1))) > 1
     columns = [rate, np.ones(len(rate)), *([np.abs(rate)] if free else [])]
     for gyro in range(3):
-        own = np.array([one.value[0, gyro] for one in waves])
-        size = np.array([one.sigma[gyro] * np.sqrt(one.inverse[0, 0]) for one in waves])
+        own = np.array([wave.value[0, gyro] for wave in waves])
+        size = np.array([wave.sigma[gyro] * np.sqrt(wave.inverse[0, 0]) for wave in waves])
         good = np.isfinite(own) & (size > 0.0)
         if int(good.sum()) < len(columns):
             continue
@@ -124,5 +126,5 @@ def response_of(waves: Sequence[Wave]) -> Response | None:
         inverse = np.linalg.pinv(design.T @ design)
         solved = inverse @ (design.T @ (own[good] / size[good]))
         spread = np.sqrt(np.diag(inverse))
-        found[:, gyro] = solved[0], spread[0], 3600.0 * solved[1], 3600.0 * spread[1]
-    return Response(*found)
+        fitted[:, gyro] = solved[0], spread[0], 3600.0 * solved[1], 3600.0 * spread[1]
+    return Response(*fitted)
