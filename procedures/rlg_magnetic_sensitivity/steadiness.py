@@ -195,7 +195,7 @@ def noise_beside(
 def changes(answers: Complex, field: Complex, weight: Array) -> tuple[Array, float]:
     """Return by how much the weighted sum of squares falls with another answer from each block on.
 
-    `found` (blocks,) is `field` (blocks,) times an answer, with `weight` over each part's variance.
+    `answers` (blocks,) is `field` (blocks,) times an answer; `weight` is over each part's variance.
     Second, the sum of squares with one answer.
     """
 

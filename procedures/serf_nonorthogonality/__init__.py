@@ -191,7 +191,7 @@ def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
 
     parameters: SerfParameters = run.parameters
     folder, wanted = run.read_back(), parameters.wanted[:count]
-    shots = [shot_of_unit(folder, one, parameters, run.bench) for one in wanted]
+    shots = [shot_of_unit(folder, unit, parameters, run.bench) for unit in wanted]
     fits = [fit_of(shot, parameters.mains_frequency_Hz) for shot in shots]
     hertz = np.array([np.nan if fit is None else fit.frequency_Hz for fit in fits])
     paper = published_angles(

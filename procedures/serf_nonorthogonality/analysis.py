@@ -52,23 +52,30 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     """
     settings = settings or AnalysisSettings()
     seen = look_at_all(dataset, settings)
-    found: Frequencies | None = None
+    frequencies: Frequencies | None = None
     doubts: list[Flag] = []
-    if any(one.used for one in seen):
+    if any(precession.used for precession in seen):
         try:
-            dataset, seen, found, doubts = agreed(dataset, seen, settings)
-            found, unseen = held_to_steady_fields(seen, found)
+            dataset, seen, frequencies, doubts = agreed(dataset, seen, settings)
+            frequencies, unseen = held_to_steady_fields(seen, frequencies)
             doubts += unseen
         except np.linalg.LinAlgError:
-            found = None
-    freedom = float(sum(one.used_fit.degrees_of_freedom for one in seen if one.used))
-    results = estimates(dataset, found, freedom)
+            frequencies = None
+    freedom = float(
+        sum(precession.used_fit.degrees_of_freedom for precession in seen if precession.used)
+    )
+    results = estimates(dataset, frequencies, freedom)
     paper = _published(dataset, seen)
-    shots = _shots(dataset, seen, found)
-    size_nT = residual_magnitude_nT(dataset, found.solution) if found is not None else None
+    shots = _shots(dataset, seen, frequencies)
+    size_nT = (
+        residual_magnitude_nT(dataset, frequencies.solution) if frequencies is not None else None
+    )
     flags = [*data_flags(dataset, seen, shots, settings), *doubts, *misfit_flags(dataset, shots)]
-    flags += [*sign_flags(dataset, seen, found), *relabelled_flags(dataset, seen, found)]
-    flags += result_flags(dataset, found, results, paper, size_nT, settings)
+    flags += [
+        *sign_flags(dataset, seen, frequencies),
+        *relabelled_flags(dataset, seen, frequencies),
+    ]
+    flags += result_flags(dataset, frequencies, results, paper, size_nT, settings)
     return SerfAnalysis(
         estimates=results,
         published=tuple(
@@ -76,41 +83,47 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
         ),
         flags=tuple(flags),
         shots=shots,
-        frequencies=found,
-        checks=checks_of(dataset, shots, found, results, size_nT),
+        frequencies=frequencies,
+        checks=checks_of(dataset, shots, frequencies, results, size_nT),
         residual_field_nT=size_nT,
     )
 
 
 def _published(dataset: SerfDataset, seen: list[Precession]) -> PublishedAngles:
     """Return the law of cosines on the single fits; the published rule knows no chirp."""
-    omega = [one.used_fit.omega_rad_per_s if one.used else np.nan for one in seen]
+    omega = [
+        precession.used_fit.omega_rad_per_s if precession.used else np.nan for precession in seen
+    ]
     return published_angles(dataset.commanded_nT, np.array(omega), dataset.gamma_rad_per_s_nT)
 
 
 def _shots(
-    dataset: SerfDataset, seen: list[Precession], found: Frequencies | None
+    dataset: SerfDataset, seen: list[Precession], frequencies: Frequencies | None
 ) -> tuple[ShotResult, ...]:
     scale = np.nan
-    if found is not None:
-        axis = scale_axis(dataset, found.solution)
-        scale = float(found.solution.scale[AXES.index(axis)]) if axis else np.nan
+    if frequencies is not None:
+        axis = scale_axis(dataset, frequencies.solution)
+        scale = float(frequencies.solution.scale[AXES.index(axis)]) if axis else np.nan
     results, place = [], 0
-    for one in seen:
+    for precession in seen:
         omega = omega_u = misfit = np.nan
-        kept = np.zeros(len(one.shot.time_s), dtype=bool) if one.fit is None else one.fit.kept
-        residual_V = np.zeros(0) if one.fit is None else one.fit.residual_V[kept]
-        if one.used and found is not None:
-            omega = float(found.omega_rad_per_s[place])
-            omega_u = float(np.sqrt(found.covariance[place, place]))
-            misfit = float(found.solution.misfit_rad_per_s[place]) / omega_u
-            kept, residual_V = found.kept[place], found.residual_V[place]
+        kept = (
+            np.zeros(len(precession.shot.time_s), dtype=bool)
+            if precession.fit is None
+            else precession.fit.kept
+        )
+        residual_V = np.zeros(0) if precession.fit is None else precession.fit.residual_V[kept]
+        if precession.used and frequencies is not None:
+            omega = float(frequencies.omega_rad_per_s[place])
+            omega_u = float(np.sqrt(frequencies.covariance[place, place]))
+            misfit = float(frequencies.solution.misfit_rad_per_s[place]) / omega_u
+            kept, residual_V = frequencies.kept[place], frequencies.residual_V[place]
             place += 1
         results.append(
             ShotResult(
-                name=one.shot.name,
-                fit=one.fit,
-                rejected=one.rejected,
+                name=precession.shot.name,
+                fit=precession.fit,
+                rejected=precession.rejected,
                 omega_rad_per_s=omega,
                 omega_u=omega_u,
                 field_nT=omega / scale,
@@ -123,28 +136,28 @@ def _shots(
 
 
 def estimates(
-    dataset: SerfDataset, found: Frequencies | None, degrees_of_freedom: float
+    dataset: SerfDataset, frequencies: Frequencies | None, degrees_of_freedom: float
 ) -> tuple[Estimate, ...]:
     """Return all ten results, null where the shots do not determine them."""
-    method = JOINT if found is not None and found.joint is not None else WEIGHTED
-    axis = scale_axis(dataset, found.solution) if found is not None else None
-    solution = found.solution if found is not None else None
+    method = JOINT if frequencies is not None and frequencies.joint is not None else WEIGHTED
+    axis = scale_axis(dataset, frequencies.solution) if frequencies is not None else None
+    solution = frequencies.solution if frequencies is not None else None
     if solution is None or axis is None or not (solution.positive_definite and solution.converged):
         names = [
             *((ANGLE, pair, "deg") for pair in PAIRS),
-            *((RESIDUAL, one, "nT") for one in AXES),
-            *((FACTOR, one, "1") for one in AXES),
+            *((RESIDUAL, axis, "nT") for axis in AXES),
+            *((FACTOR, axis, "1") for axis in AXES),
             (SLOWING_DOWN, None, "1"),
         ]
-        return tuple(undetermined(*one, method) for one in names)
+        return tuple(undetermined(*name, method) for name in names)
     freedom = float(solution.degrees_of_freedom) if solution.enlarged else degrees_of_freedom
     solved = Solved(dataset, solution, axis, method, freedom)
     angles = [solved.angle(pair) for pair in PAIRS]
-    some_angle = any(one.value is not None for one in angles)
+    some_angle = any(angle.value is not None for angle in angles)
     return (
         *angles,
-        *(solved.residual_field(one) for one in AXES),
-        *(solved.factor(one, some_angle) for one in AXES),
+        *(solved.residual_field(axis) for axis in AXES),
+        *(solved.factor(axis, some_angle) for axis in AXES),
         solved.slowing_down(),
     )
 
@@ -175,26 +188,26 @@ class Solved:
         value = float(np.degrees(np.arccos(cosine)))
         return self._estimate(ANGLE, pair, value, "deg", slope, depends)
 
-    def residual_field(self, one: str) -> Estimate:
+    def residual_field(self, axis: str) -> Estimate:
         """Return the residual field's projection on a coil."""
-        if not self.solution.determined[NAMES.index(f"r{one}")]:
-            return undetermined(RESIDUAL, one, "nT", self.method)
-        value = float(self.solution.residual[AXES.index(one)]) / self.scale
-        slope = self._slope({f"r{one}": 1.0 / self.scale, self.axis: -value / self.scale})
+        if not self.solution.determined[NAMES.index(f"r{axis}")]:
+            return undetermined(RESIDUAL, axis, "nT", self.method)
+        value = float(self.solution.residual[AXES.index(axis)]) / self.scale
+        slope = self._slope({f"r{axis}": 1.0 / self.scale, self.axis: -value / self.scale})
         depends = self._sensitivities(slope, self.axis, self.dataset.constants_known)
-        return self._estimate(RESIDUAL, one, value, "nT", slope, depends)
+        return self._estimate(RESIDUAL, axis, value, "nT", slope, depends)
 
-    def factor(self, one: str, some_angle: bool) -> Estimate:
+    def factor(self, axis: str, some_angle: bool) -> Estimate:
         """Return the factor of a coil."""
         if self.dataset.constants_known:
-            return Estimate(FACTOR, one, 1.0, "1", 0.0, None, self.method, {f"coil_{one}": 1.0})
-        if not self.solution.determined[AXES.index(one)] or not some_angle:
-            return undetermined(FACTOR, one, "1", self.method)
-        if one == self.axis:
-            return Estimate(FACTOR, one, 1.0, "1", 0.0, None, self.method)
-        value = float(self.solution.scale[AXES.index(one)]) / self.scale
-        slope = self._slope({one: 1.0 / self.scale, self.axis: -value / self.scale})
-        return self._estimate(FACTOR, one, value, "1", slope, {})
+            return Estimate(FACTOR, axis, 1.0, "1", 0.0, None, self.method, {f"coil_{axis}": 1.0})
+        if not self.solution.determined[AXES.index(axis)] or not some_angle:
+            return undetermined(FACTOR, axis, "1", self.method)
+        if axis == self.axis:
+            return Estimate(FACTOR, axis, 1.0, "1", 0.0, None, self.method)
+        value = float(self.solution.scale[AXES.index(axis)]) / self.scale
+        slope = self._slope({axis: 1.0 / self.scale, self.axis: -value / self.scale})
+        return self._estimate(FACTOR, axis, value, "1", slope, {})
 
     def slowing_down(self) -> Estimate:
         """Return the slowing-down factor without polarisation."""
@@ -212,12 +225,12 @@ class Solved:
         """Return what a value depends on, from its derivatives `slope` (9,) by the unknowns."""
         solution, result = self.solution, dict[str, float]()
         if known:
-            for k, one in enumerate(AXES):
-                result[f"coil_{one}"] = float(slope @ solution.by_field[:, k])
+            for k, name in enumerate(AXES):
+                result[f"coil_{name}"] = float(slope @ solution.by_field[:, k])
         if not solution.free_of_residual:
             scale = float(solution.scale[AXES.index(axis)])
-            for k, one in enumerate(AXES):
-                result[f"residual_{one}_nT"] = float(slope @ solution.by_residual[:, k]) * scale
+            for k, name in enumerate(AXES):
+                result[f"residual_{name}_nT"] = float(slope @ solution.by_residual[:, k]) * scale
         return result | {"trigger_delay_s": 0.0}
 
     def _estimate(

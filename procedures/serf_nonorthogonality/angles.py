@@ -90,7 +90,7 @@ class Solution:
 
 def gram_of(cosine: Array) -> Array:
     """Return the Gram matrix (3, 3) of unit vectors from their cosines xy, xz, yz."""
-    xy, xz, yz = (float(one) for one in cosine)
+    xy, xz, yz = (float(value) for value in cosine)
     return np.array([[1.0, xy, xz], [xy, 1.0, yz], [xz, yz, 1.0]])
 
 
@@ -199,14 +199,14 @@ def _begin(commanded_nT: Array, omega: Array, p: Array) -> Array:
     scale = np.max(np.abs(design), axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(design / scale) > 1.0 / INDEPENDENT:
         return p
-    found = np.linalg.lstsq(design / scale, omega**2, rcond=None)[0] / scale
-    if np.any(found[:3] <= 0.0):
+    start = np.linalg.lstsq(design / scale, omega**2, rcond=None)[0] / scale
+    if np.any(start[:3] <= 0.0):
         return p
-    a = np.sqrt(found[:3])
-    cosine = found[3:6] / np.array([a[i] * a[j] for i, j in PLACES.values()])
+    a = np.sqrt(start[:3])
+    cosine = start[3:6] / np.array([a[i] * a[j] for i, j in PLACES.values()])
     if float(np.linalg.eigvalsh(gram_of(cosine))[0]) <= 0.0:
         return p
-    return np.concatenate([a, cosine, found[6:9] / a])
+    return np.concatenate([a, cosine, start[6:9] / a])
 
 
 def _root(weight: Array) -> Array:

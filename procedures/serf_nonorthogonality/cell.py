@@ -157,7 +157,7 @@ def null_residual_field(run: Run, cell: Cell) -> None:
         for place, shot in enumerate(shots, 1):
             looks.append(cell.look(shot, f"{doing}, shot {place} of {len(shots)}"))
         seen = look_at_shots(looks, parameters)
-        cell.usual = [one.used_fit for one in seen if one.used]
+        cell.usual = [precession.used_fit for precession in seen if precession.used]
         residual_nT = solved_residual_nT(seen, doing)
         run.record.event("residual-field", round=number, field_nT=residual_nT)
         if residual_nT is None:
@@ -207,23 +207,23 @@ def solved_residual_nT(seen: Sequence[Precession], doing: str) -> dict[str, floa
 
     from .angles import solve
 
-    used = [one for one in seen if one.used]
-    bad = [one for one in seen if not one.used]
-    found = None
+    used = [precession for precession in seen if precession.used]
+    bad = [precession for precession in seen if not precession.used]
+    solution = None
     if used:
-        found = solve(
-            np.array([one.shot.field_nT for one in used]),
-            np.array([one.used_fit.omega_rad_per_s for one in used]),
-            np.diag([one.used_fit.omega_u**2 for one in used]),
+        solution = solve(
+            np.array([precession.shot.field_nT for precession in used]),
+            np.array([precession.used_fit.omega_rad_per_s for precession in used]),
+            np.diag([precession.used_fit.omega_u**2 for precession in used]),
             known=False,
         )
-    if found is None or (bad and not found.free_of_residual):
+    if solution is None or (bad and not solution.free_of_residual):
         raise ConditionNotReached(
             f"{doing}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
             "pump light, the probe light, the cell's temperature and the coils' cables"
         )
-    if not (found.converged and found.positive_definite):
+    if not (solution.converged and solution.positive_definite):
         return None
     # r holds projections on the axes, which are not quite at right angles.
-    along = np.linalg.solve(found.gram, found.residual) / found.scale
-    return {axis: round(one, 4) for axis, one in zip(AXES, along.tolist(), strict=True)}
+    along = np.linalg.solve(solution.gram, solution.residual) / solution.scale
+    return {axis: round(component, 4) for axis, component in zip(AXES, along.tolist(), strict=True)}

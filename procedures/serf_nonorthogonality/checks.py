@@ -24,58 +24,58 @@ ACCEPTED_RESIDUAL_NT = 1.5
 LOWEST_DEG, HIGHEST_DEG = 80.0, 100.0
 
 
-def slowing_down_bounds(dataset: SerfDataset, found: Frequencies) -> tuple[float, float]:
+def slowing_down_bounds(dataset: SerfDataset, frequencies: Frequencies) -> tuple[float, float]:
     """Return the slowing-down factors that a vapour of this isotope can show.
 
     The frequencies are those of the end, when the polarisation is gone; where a chirp may be there
     that is not taken off, the factor is smaller by as much.
     """
     spin = SPINS[dataset.nuclear_spin]
-    unseen = 0.0 if found.failed is None else max(found.chirp, 0.0)
-    unseen += MARGIN_U * found.chirp_u
+    unseen = 0.0 if frequencies.failed is None else max(frequencies.chirp, 0.0)
+    unseen += MARGIN_U * frequencies.chirp_u
     return max(spin.polarised, spin.at_rest / (1.0 + unseen)), spin.at_rest
 
 
 def outside_the_isotope(
-    dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]
+    dataset: SerfDataset, frequencies: Frequencies, results: Sequence[Estimate]
 ) -> bool | None:
     """Tell whether the slowing-down factor cannot be the isotope's; None where there is none."""
-    one = next(one for one in results if one.name == SLOWING_DOWN)
-    if one.value is None or one.standard_uncertainty is None:
+    slowing_down = next(result for result in results if result.name == SLOWING_DOWN)
+    if slowing_down.value is None or slowing_down.standard_uncertainty is None:
         return None
-    low, high = slowing_down_bounds(dataset, found)
+    low, high = slowing_down_bounds(dataset, frequencies)
     margin = FACTOR_MARGIN
     if dataset.constants_known and dataset.coil_u is not None:
-        margin = EXACT_MARGIN if found.solution.free_of_residual else TAKEN_FOR_ZERO
+        margin = EXACT_MARGIN if frequencies.solution.free_of_residual else TAKEN_FOR_ZERO
         margin += MARGIN_U * max(dataset.coil_u)
-    room = MARGIN_U * one.standard_uncertainty + margin * one.value
-    return not low - room <= one.value <= high + room
+    room = MARGIN_U * slowing_down.standard_uncertainty + margin * slowing_down.value
+    return not low - room <= slowing_down.value <= high + room
 
 
 def checks_of(
     dataset: SerfDataset,
     shots: Sequence[ShotResult],
-    found: Frequencies | None,
+    frequencies: Frequencies | None,
     results: Sequence[Estimate],
     residual_nT: float | None,
 ) -> tuple[Check, ...]:
     """Return all checks in the order of the report."""
-    if found is None:
+    if frequencies is None:
         return ()
     return (
-        _isotope(dataset, found, results),
-        _chi_square(found),
-        _closed_form(dataset, shots, found, results),
-        _axes(found, results),
+        _isotope(dataset, frequencies, results),
+        _chi_square(frequencies),
+        _closed_form(dataset, shots, frequencies, results),
+        _axes(frequencies, results),
         _residual(residual_nT),
     )
 
 
-def _isotope(dataset: SerfDataset, found: Frequencies, results: Sequence[Estimate]) -> Check:
-    low, high = slowing_down_bounds(dataset, found)
-    one = next(one for one in results if one.name == SLOWING_DOWN)
-    outside = outside_the_isotope(dataset, found, results)
-    value = "undetermined" if one.value is None else f"{one.value:.4f}"
+def _isotope(dataset: SerfDataset, frequencies: Frequencies, results: Sequence[Estimate]) -> Check:
+    low, high = slowing_down_bounds(dataset, frequencies)
+    slowing_down = next(result for result in results if result.name == SLOWING_DOWN)
+    outside = outside_the_isotope(dataset, frequencies, results)
+    value = "undetermined" if slowing_down.value is None else f"{slowing_down.value:.4f}"
     return Check(
         "slowing-down factor is the isotope's",
         value,
@@ -84,8 +84,8 @@ def _isotope(dataset: SerfDataset, found: Frequencies, results: Sequence[Estimat
     )
 
 
-def _chi_square(found: Frequencies) -> Check:
-    solution = found.solution
+def _chi_square(frequencies: Frequencies) -> Check:
+    solution = frequencies.solution
     if solution.degrees_of_freedom < 1:
         return Check("chi-square", "as many shots as unknowns", "probability above 0.01 %", None)
     text = (
@@ -98,30 +98,32 @@ def _chi_square(found: Frequencies) -> Check:
 def _closed_form(
     dataset: SerfDataset,
     shots: Sequence[ShotResult],
-    found: Frequencies,
+    frequencies: Frequencies,
     results: Sequence[Estimate],
 ) -> Check:
     used = [k for k, shot in enumerate(shots) if shot.used]
-    cosines = closed_form(dataset.commanded_nT[used], found.omega_rad_per_s)
+    cosines = closed_form(dataset.commanded_nT[used], frequencies.omega_rad_per_s)
     what, wanted = "closed form against general solution", "within one standard uncertainty"
     if not cosines:
         return Check(what, "needs four polarities of each pair", wanted, None)
     apart = []
     for pair in PAIRS:
-        one = next(one for one in results if (one.name, one.axis) == (ANGLE, pair))
-        if one.value is None or one.standard_uncertainty is None or abs(cosines[pair]) > 1.0:
+        angle = next(result for result in results if (result.name, result.axis) == (ANGLE, pair))
+        if angle.value is None or angle.standard_uncertainty is None or abs(cosines[pair]) > 1.0:
             return Check(what, "no angle to compare", wanted, None)
         apart.append(
-            (float(np.degrees(np.arccos(cosines[pair]))) - one.value) / one.standard_uncertainty
+            (float(np.degrees(np.arccos(cosines[pair]))) - angle.value) / angle.standard_uncertainty
         )
     text = ", ".join(f"{pair} {part:+.2f} u" for pair, part in zip(PAIRS, apart, strict=True))
-    return Check(what, text, wanted, max(abs(one) for one in apart) <= 1.0)
+    return Check(what, text, wanted, max(abs(difference) for difference in apart) <= 1.0)
 
 
-def _axes(found: Frequencies, results: Sequence[Estimate]) -> Check:
-    angles = [one.value for one in results if one.name == ANGLE and one.value is not None]
-    smallest = float(np.linalg.eigvalsh(found.solution.gram)[0])
-    near = all(LOWEST_DEG < one < HIGHEST_DEG for one in angles)
+def _axes(frequencies: Frequencies, results: Sequence[Estimate]) -> Check:
+    angles = [
+        result.value for result in results if result.name == ANGLE and result.value is not None
+    ]
+    smallest = float(np.linalg.eigvalsh(frequencies.solution.gram)[0])
+    near = all(LOWEST_DEG < angle < HIGHEST_DEG for angle in angles)
     return Check(
         "three axes with these angles exist",
         f"smallest eigenvalue of the Gram matrix {smallest:.4f}",

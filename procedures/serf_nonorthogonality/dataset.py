@@ -87,7 +87,7 @@ class Check:
     """A test of the result against something it should agree with: passed, failed or not made."""
 
     what: str
-    found: str
+    value: str
     wanted: str
     passed: bool | None
 

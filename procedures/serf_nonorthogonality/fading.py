@@ -26,7 +26,7 @@ def fading_trend(omega: Array, decay: Array, decay_u: Array) -> tuple[float, flo
     if np.linalg.matrix_rank(design) < COLUMNS or usual <= 0.0:
         return 0.0, np.inf
     inverse = np.linalg.inv(design.T @ design)
-    found = inverse @ (design.T @ (decay / decay_u))
-    left = decay / decay_u - design @ found
+    solved = inverse @ (design.T @ (decay / decay_u))
+    left = decay / decay_u - design @ solved
     scatter = max(1.0, float(left @ left) / (count - COLUMNS))
-    return float(found[-1]) / usual, float(np.sqrt(inverse[-1, -1] * scatter)) / usual
+    return float(solved[-1]) / usual, float(np.sqrt(inverse[-1, -1] * scatter)) / usual

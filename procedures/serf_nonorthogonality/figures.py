@@ -109,7 +109,7 @@ class Drawn:
 
 def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ...]:
     """Return all shots with a fit; that of the joint fit where there is one."""
-    found = []
+    drawn = []
     for shot, outcome in zip(dataset.shots, analysis.shots, strict=True):
         fit, kept = outcome.fit, outcome.kept
         if fit is None:
@@ -117,7 +117,7 @@ def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ..
         frequency_Hz = fit.frequency_Hz
         if np.isfinite(outcome.omega_rad_per_s):
             frequency_Hz = outcome.omega_rad_per_s / (2.0 * np.pi)
-        found.append(
+        drawn.append(
             Drawn(
                 shot.name.replace("-", "−"),
                 shot.time_s,
@@ -130,7 +130,7 @@ def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ..
                 fit.decay_per_s,
             )
         )
-    return tuple(found)
+    return tuple(drawn)
 
 
 def signals(shots: Sequence[Drawn]) -> Figure:
@@ -217,16 +217,22 @@ def _panels(count: int, columns: int) -> tuple[Figure, list[Axes]]:
 
 
 def _angles(analysis: SerfAnalysis, document: ResultDocument) -> Table:
-    paper = {one.axis: one.value for one in analysis.published}
+    paper = {entry.axis: entry.value for entry in analysis.published}
     rows = []
     for pair in PAIRS:
-        one = document.result(ANGLE, pair)
-        value, spread = format_result(one)
-        off = None if one.estimate.value is None else (one.estimate.value - 90.0) * ARCSEC_PER_DEG
-        u = one.expanded_uncertainty and one.expanded_uncertainty * ARCSEC_PER_DEG
+        result = document.result(ANGLE, pair)
+        value, spread = format_result(result)
+        off = (
+            None
+            if result.estimate.value is None
+            else (result.estimate.value - 90.0) * ARCSEC_PER_DEG
+        )
+        u = result.expanded_uncertainty and result.expanded_uncertainty * ARCSEC_PER_DEG
         published = NOTHING if paper[pair] is None else f"{paper[pair]:.4f}"
         less_90_deg = format_with_uncertainty(off, u)
-        rows.append([f"θ{pair}", value, spread, *less_90_deg, format_limit(one.limit), published])
+        rows.append(
+            [f"θ{pair}", value, spread, *less_90_deg, format_limit(result.limit), published]
+        )
     return Table(
         "Angles between the coil axes",
         "Between the positive axes; 90 deg is orthogonal. U is the expanded uncertainty; the last "
@@ -253,20 +259,20 @@ def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocumen
     note = f"Slowing-down factor Q = {value} ± {spread} (95 %) without polarisation. "
     if analysis.residual_field_nT is not None:
         note += f"Residual field {format_number(analysis.residual_field_nT, 3)} nT in all. "
-    found = analysis.frequencies
-    if found is not None and found.joint is not None and found.lean is not None:
-        aside, towards = np.degrees(found.lean.rad[:2])
-        u = np.degrees(np.sqrt(np.diag(found.lean.covariance)[:2]).max())
+    frequencies = analysis.frequencies
+    if frequencies is not None and frequencies.joint is not None and frequencies.lean is not None:
+        aside, towards = np.degrees(frequencies.lean.rad[:2])
+        u = np.degrees(np.sqrt(np.diag(frequencies.lean.covariance)[:2]).max())
         note += (
-            f"Polarisation at the beginning {found.joint.polarisation:.3f}; the frequency falls "
-            f"by {100.0 * found.chirp:.3g} % over the decay. "
+            f"Polarisation at the beginning {frequencies.joint.polarisation:.3f}; the frequency "
+            f"falls by {100.0 * frequencies.chirp:.3g} % over the decay. "
             f"The spins began {aside:.2f} deg aside of the plane of pump and probe and "
             f"{towards:.2f} deg towards the probe from the pump light (u = {u:.2g} deg). "
         )
-    if found is not None:
-        note += f"Decay R/Q(0) = {format_number(found.rate_per_s, 4)} /s"
-        if found.beta_s > 0.0:
-            note += f", spin-exchange broadening {format_number(found.beta_s, 3)} s × ω²"
+    if frequencies is not None:
+        note += f"Decay R/Q(0) = {format_number(frequencies.rate_per_s, 4)} /s"
+        if frequencies.beta_s > 0.0:
+            note += f", spin-exchange broadening {format_number(frequencies.beta_s, 3)} s × ω²"
         note += ". "
     note += (
         "Commanded fields were taken as exact."
@@ -283,7 +289,9 @@ def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocumen
 
 def _checks(analysis: SerfAnalysis) -> Table:
     words = {True: "yes", False: "NO", None: "not determined"}
-    rows = [[one.what, one.found, one.wanted, words[one.passed]] for one in analysis.checks]
+    rows = [
+        [check.what, check.value, check.wanted, words[check.passed]] for check in analysis.checks
+    ]
     return Table(
         "Checks", "What the result should agree with.", ["check", "found", "wanted", "holds"], rows
     )

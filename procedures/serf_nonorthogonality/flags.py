@@ -21,20 +21,20 @@ FADING_U = 5.0
 
 def result_flags(
     dataset: SerfDataset,
-    found: Frequencies | None,
+    frequencies: Frequencies | None,
     results: Sequence[Estimate],
     paper: PublishedAngles,
     residual_nT: float | None,
     settings: AnalysisSettings,
 ) -> Iterator[Flag]:
     """Yield the flags on the solution: what it cannot determine and what stands against it."""
-    yield from _not_identifiable(dataset, found, results)
+    yield from _not_identifiable(dataset, frequencies, results)
     for pair, why in paper.wanting.items():
         text = f"As published the angle {pair} is undetermined: {why}."
         yield Flag(NOT_IDENTIFIABLE, text, pair)
-    if found is None:
+    if frequencies is None:
         return
-    axis = scale_axis(dataset, found.solution)
+    axis = scale_axis(dataset, frequencies.solution)
     if axis is not None and not dataset.constants_known:
         yield Flag(
             "scale-by-convention",
@@ -51,10 +51,10 @@ def result_flags(
             "(step 1), whose field moves during the shots.",
             details={"field_nT": residual_nT},
         )
-    yield from _frequency_flags(dataset, found, settings)
-    yield from _fit_flags(found, settings)
-    if outside_the_isotope(dataset, found, results):
-        low, high = slowing_down_bounds(dataset, found)
+    yield from _frequency_flags(dataset, frequencies, settings)
+    yield from _fit_flags(frequencies, settings)
+    if outside_the_isotope(dataset, frequencies, results):
+        low, high = slowing_down_bounds(dataset, frequencies)
         yield Flag(
             "slowing-down-factor-outside",
             f"The slowing-down factor lies outside the isotope's {low:.4g} to {high:.4g}: the "
@@ -65,26 +65,26 @@ def result_flags(
 
 
 def _not_identifiable(
-    dataset: SerfDataset, found: Frequencies | None, results: Sequence[Estimate]
+    dataset: SerfDataset, frequencies: Frequencies | None, results: Sequence[Estimate]
 ) -> Iterator[Flag]:
     null = {
-        name: [one.axis for one in results if one.name == name and one.value is None]
+        name: [result.axis for result in results if result.name == name and result.value is None]
         for name in (ANGLE, RESIDUAL, FACTOR, SLOWING_DOWN)
     }
     angles = null[ANGLE]
     if angles:
         why = "the shots determine them only with the coil constants known"
-        if found is None:
+        if frequencies is None:
             why = "no usable shot is left"
-        elif not found.solution.positive_definite:
+        elif not frequencies.solution.positive_definite:
             why = "no three axes have the angles that the shots lead to"
-        elif not found.solution.converged:
+        elif not frequencies.solution.converged:
             why = "the solution does not settle"
         elif dataset.constants_known or len(angles) < len(PAIRS):
             why = "the shots do not determine them"
         coefficients = [f"{ANGLE} {pair}" for pair in angles]
         coefficients += [f"{FACTOR} {axis}" for axis in null[FACTOR]]
-        text = f"Angles {', '.join(str(one) for one in angles)} are undetermined: {why}."
+        text = f"Angles {', '.join(str(angle) for angle in angles)} are undetermined: {why}."
         yield not_identifiable(text, coefficients)
     if null[RESIDUAL]:
         yield not_identifiable(
@@ -97,20 +97,20 @@ def _not_identifiable(
 
 
 def _frequency_flags(
-    dataset: SerfDataset, found: Frequencies, settings: AnalysisSettings
+    dataset: SerfDataset, frequencies: Frequencies, settings: AnalysisSettings
 ) -> Iterator[Flag]:
     """Yield the flags of frequencies that fall, drift, or fall as if the lights changed places."""
-    chirp = found.chirp
-    if found.failed is not None:
+    chirp = frequencies.chirp
+    if frequencies.failed is not None:
         yield Flag(
             "chirp",
             f"The frequency falls by about {100.0 * chirp:.2g} % over the decay, and the "
-            f"joint fit failed ({found.failed}): the uncertainties do not cover what that does "
-            "to the angles.",
+            f"joint fit failed ({frequencies.failed}): the uncertainties do not cover what that "
+            "does to the angles.",
             details={"relative_change": chirp},
         )
-    elif chirp > settings.chirp and chirp > settings.chirp_u * found.chirp_u:
-        polarisation = found.joint.polarisation if found.joint is not None else np.nan
+    elif chirp > settings.chirp and chirp > settings.chirp_u * frequencies.chirp_u:
+        polarisation = frequencies.joint.polarisation if frequencies.joint is not None else np.nan
         yield Flag(
             "chirp",
             f"The frequency falls by {100.0 * chirp:.2g} % over the decay, as a polarisation "
@@ -118,27 +118,27 @@ def _frequency_flags(
             "the fields comes from the baselines.",
             details={"relative_change": chirp, "polarisation": polarisation},
         )
-    if abs(found.drift_per_s) > DRIFT_U * found.drift_u:
+    if abs(frequencies.drift_per_s) > DRIFT_U * frequencies.drift_u:
         yield Flag(
             "misfit",
-            f"The frequencies drift by {100.0 * found.drift_per_s:.2g} % per second during the "
-            f"records, {abs(found.drift_per_s) / found.drift_u:.1f} u, beside what a fading "
-            "polarisation does: the fields are not steady, or the recorder's clock is not. The "
-            "slowing-down factor is off by more than its u; measure the coil currents during a "
-            "record.",
-            details={"drift_per_s": found.drift_per_s},
+            f"The frequencies drift by {100.0 * frequencies.drift_per_s:.2g} % per second during "
+            f"the records, {abs(frequencies.drift_per_s) / frequencies.drift_u:.1f} u, beside what "
+            "a fading polarisation does: the fields are not steady, or the recorder's clock is "
+            "not. The slowing-down factor is off by more than its u; measure the coil currents "
+            "during a record.",
+            details={"drift_per_s": frequencies.drift_per_s},
         )
-    if abs(found.fading) > FADING_U * found.fading_u:
-        how = "faster" if found.fading > 0.0 else "more slowly"
+    if abs(frequencies.fading) > FADING_U * frequencies.fading_u:
+        how = "faster" if frequencies.fading > 0.0 else "more slowly"
         yield Flag(
             "misfit",
-            f"The tone of the last shot fades {abs(100.0 * found.fading):.2g} % {how} than that of "
-            f"the first, {abs(found.fading) / found.fading_u:.1f} u: the cell's temperature, the "
-            "probe light or what leaks of the pump light was not steady. Wait until the cell is "
-            "warm, and repeat the shots.",
-            details={"fading": found.fading},
+            f"The tone of the last shot fades {abs(100.0 * frequencies.fading):.2g} % {how} than "
+            f"that of the first, {abs(frequencies.fading) / frequencies.fading_u:.1f} u: the "
+            "cell's temperature, the probe light or what leaks of the pump light was not steady. "
+            "Wait until the cell is warm, and repeat the shots.",
+            details={"fading": frequencies.fading},
         )
-    if found.exchanged:
+    if frequencies.exchanged:
         yield contradiction(
             "pump_axis",
             f"The pump light is stated along {dataset.pump_axis} and the probe along "
@@ -147,9 +147,9 @@ def _frequency_flags(
         )
 
 
-def _fit_flags(found: Frequencies, settings: AnalysisSettings) -> Iterator[Flag]:
+def _fit_flags(frequencies: Frequencies, settings: AnalysisSettings) -> Iterator[Flag]:
     """Yield the flags of shots that disagree, and of fits whose neighbouring residuals do not."""
-    solution = found.solution
+    solution = frequencies.solution
     if solution.disagree:
         yield Flag(
             "shots-disagree",
@@ -160,9 +160,9 @@ def _fit_flags(found: Frequencies, settings: AnalysisSettings) -> Iterator[Flag]
             details={"chi_square": solution.chi_square},
         )
     worst = 0.0
-    for one in found.residual_V:
-        power = float(one @ one)
-        share = float(one[1:] @ one[:-1]) / power if power > 0.0 else 0.0
-        worst = max(worst, share if share > CHANCE / np.sqrt(len(one)) else 0.0)
+    for residual_V in frequencies.residual_V:
+        power = float(residual_V @ residual_V)
+        share = float(residual_V[1:] @ residual_V[:-1]) / power if power > 0.0 else 0.0
+        worst = max(worst, share if share > CHANCE / np.sqrt(len(residual_V)) else 0.0)
     if worst > settings.model_too_stiff:
         yield too_stiff(worst, " of a shot", "the fit does not follow the signal")

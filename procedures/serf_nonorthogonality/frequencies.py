@@ -45,8 +45,8 @@ def frequencies_and_angles(
 ) -> Frequencies:
     """Solve for angles from all usable shots; jointly where a falling frequency is significant."""
     spin = SPINS[dataset.nuclear_spin]
-    fits = [one.used_fit for one in used]
-    commanded_nT = np.array([one.shot.field_nT for one in used])
+    fits = [precession.used_fit for precession in used]
+    commanded_nT = np.array([precession.shot.field_nT for precession in used])
     line = common_decay(fits) or decay_line(*decays(fits))
     beta = line.beta_s if line.beta_s > BETA_U * line.beta_u else 0.0
     chirp, chirp_u = pooled_chirp(fits)
@@ -87,11 +87,11 @@ def frequencies_and_angles(
 def _jointly(
     dataset: SerfDataset, used: Sequence[Precession], spin: SlowingDown, alone: Frequencies
 ) -> Frequencies:
-    fits = [one.used_fit for one in used]
+    fits = [precession.used_fit for precession in used]
     # What stands out of a fit that knows no chirp may be the chirp.
-    kept = [one.usable & np.isfinite(one.shot.voltage_V) for one in used]
+    kept = [precession.usable & np.isfinite(precession.shot.voltage_V) for precession in used]
     records = _records(used, kept, [fit.noise_V for fit in fits])
-    commanded_nT = np.array([one.shot.field_nT for one in used])
+    commanded_nT = np.array([precession.shot.field_nT for precession in used])
     mains_Hz, solution = dataset.mains_Hz, alone.solution
     lean = NO_LEAN
     along = _along(_fields(dataset, commanded_nT, solution), lean)
@@ -132,7 +132,7 @@ def _jointly(
         fit_jointly(records, spin, _along(fields, lean.but(towards, LEAN_RAD)), start, mains_Hz)
         for towards in (0, 1)
     ]
-    by_lean = np.column_stack([one.omega_rad_per_s - joint.omega_rad_per_s for one in moved])
+    by_lean = np.column_stack([fit.omega_rad_per_s - joint.omega_rad_per_s for fit in moved])
     by_lean /= LEAN_RAD
     covariance = joint.covariance + by_lean @ lean.covariance[:2, :2] @ by_lean.T
     covariance += np.diag((joint.by_late_start * dataset.start_u_s) ** 2)
@@ -174,8 +174,8 @@ def _records(
     used: Sequence[Precession], kept: Sequence[Mask], noise_V: Sequence[float]
 ) -> list[Record]:
     return [
-        Record(one.shot.time_s[mask], one.shot.voltage_V[mask], noise)
-        for one, mask, noise in zip(used, kept, noise_V, strict=True)
+        Record(precession.shot.time_s[mask], precession.shot.voltage_V[mask], noise)
+        for precession, mask, noise in zip(used, kept, noise_V, strict=True)
     ]
 
 
@@ -212,33 +212,33 @@ def agreed(
     ValueError without a usable shot.
     """
     shots = list(seen)
-    found = frequencies_and_angles(dataset, _used(shots), settings)
-    odd = _odd_one(_used(shots), found)
+    frequencies = frequencies_and_angles(dataset, _used(shots), settings)
+    odd = _odd_one(_used(shots), frequencies)
     if odd is not None:
-        place = next(k for k, one in enumerate(shots) if one is odd[0])
+        place = next(k for k, shot in enumerate(shots) if shot is odd[0])
         shots[place] = replace(odd[0], rejected=odd[1])
-        found = frequencies_and_angles(dataset, _used(shots), settings)
+        frequencies = frequencies_and_angles(dataset, _used(shots), settings)
     if not dataset.constants_known:
-        return dataset, shots, found, []
-    free = _solved(_used(shots), found, range(len(found.omega_rad_per_s)))
-    known = found.solution
+        return dataset, shots, frequencies, []
+    free = _solved(_used(shots), frequencies, range(len(frequencies.omega_rad_per_s)))
+    known = frequencies.solution
     if free is None or not all(free.determined[:3]):
-        return dataset, shots, found, []
+        return dataset, shots, frequencies, []
     if known.degrees_of_freedom <= free.degrees_of_freedom:
-        return dataset, shots, found, []
+        return dataset, shots, frequencies, []
     ratios, covariance = free.ratios()
     chance = _chance(ratios, covariance)
     if chance >= DOUBTFUL:
-        return dataset, shots, found, []
+        return dataset, shots, frequencies, []
     if chance >= IMPROBABLE:
         # Too little to overrule what is stated, too much to count on it: what it moves is in u.
         moved = np.concatenate(
             [known.scale - free.scale, known.cosine - free.cosine, known.residual - free.residual]
         )
         wide = replace(known, covariance=known.covariance + np.outer(moved, moved))
-        return dataset, shots, replace(found, solution=wide), []
+        return dataset, shots, replace(frequencies, solution=wide), []
     dataset = replace(dataset, constants_known=False)
-    found = frequencies_and_angles(dataset, _used(shots), settings)
+    frequencies = frequencies_and_angles(dataset, _used(shots), settings)
     flags = []
     stated = np.square(dataset.coil_u or (0.0, 0.0, 0.0)) + MODEL_U**2
     if _chance(ratios, covariance + np.diag(stated[1:]) + stated[0]) < IMPROBABLE:
@@ -253,23 +253,25 @@ def agreed(
                 "Calibrate the coils, or look for a wrong commanded field or a supply's range.",
             )
         )
-    return dataset, shots, found, flags
+    return dataset, shots, frequencies, flags
 
 
 def _used(shots: Sequence[Precession]) -> list[Precession]:
-    return [one for one in shots if one.used]
+    return [shot for shot in shots if shot.used]
 
 
-def _solved(used: Sequence[Precession], found: Frequencies, rows: Sequence[int]) -> Solution | None:
+def _solved(
+    used: Sequence[Precession], frequencies: Frequencies, rows: Sequence[int]
+) -> Solution | None:
     """Return the solution of some of the shots, coil constants left free; None without one."""
     at = np.array(rows)
     commanded_nT = np.array([used[k].shot.field_nT for k in rows])
-    covariance = found.covariance[np.ix_(at, at)]
+    covariance = frequencies.covariance[np.ix_(at, at)]
     try:
-        one = solve(commanded_nT, found.omega_rad_per_s[at], covariance, known=False)
+        solution = solve(commanded_nT, frequencies.omega_rad_per_s[at], covariance, known=False)
     except np.linalg.LinAlgError:
         return None
-    return one if one.converged and one.positive_definite else None
+    return solution if solution.converged and solution.positive_definite else None
 
 
 def _chance(ratios: np.ndarray, covariance: np.ndarray) -> float:
@@ -277,17 +279,17 @@ def _chance(ratios: np.ndarray, covariance: np.ndarray) -> float:
     return float(chdtrc(len(ratios), float(ratios @ np.linalg.solve(covariance, ratios))))
 
 
-def _odd_one(used: Sequence[Precession], found: Frequencies) -> tuple[Precession, str] | None:
+def _odd_one(used: Sequence[Precession], frequencies: Frequencies) -> tuple[Precession, str] | None:
     """Return the only shot without which the others agree, and why it is not used; None without."""
     count = len(used)
-    whole = _solved(used, found, range(count))
+    whole = _solved(used, frequencies, range(count))
     if whole is None or whole.degrees_of_freedom < LEAST_FREEDOM or not whole.disagree:
         return None
     without = np.zeros(count)
     for k in range(count):
-        one = _solved(used, found, [n for n in range(count) if n != k])
-        if one is not None and one.determined == whole.determined:
-            without[k] = one.probability
+        solution = _solved(used, frequencies, [n for n in range(count) if n != k])
+        if solution is not None and solution.determined == whole.determined:
+            without[k] = solution.probability
     second, best = np.argsort(without)[-2:]
     if without[best] < DOUBTFUL or without[second] >= IMPROBABLE:
         return None

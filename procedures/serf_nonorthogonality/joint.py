@@ -129,7 +129,7 @@ def fit_jointly(
     # What is eliminated of the shots' own parameters is in the inverse of the whole.
     scale = np.sqrt(np.diag(step.normal))
     inverse = np.linalg.inv(step.normal / np.outer(scale, scale)) / np.outer(scale, scale)
-    samples = sum(len(one.time_s) for one in records)
+    samples = sum(len(record.time_s) for record in records)
     own = 4 + (2 if mains_Hz is not None else 0) + 1
     return JointFit(
         omega_rad_per_s=omega,
@@ -160,21 +160,21 @@ def _evaluate(
     mains_Hz: float | None,
 ) -> _Step:
     count = len(records)
-    square, rate, beta = (float(one) for one in shared)
+    square, rate, beta = (float(value) for value in shared)
     broad = beta * omega**2
     nudge = np.array([1e-4, 1e-4 * rate, 1e-3 * rate])
     # One integration for the place itself and for a nudge of P², of R/q(0) and of Gamma_se.
     squares = np.repeat([square, square + nudge[0], square, square], count)
     rates = np.repeat([rate, rate, rate + nudge[1], rate], count)
     broads = np.concatenate([broad, broad, broad, broad + nudge[2]])
-    times = [one.time_s for one in records]
-    found = clocks(times * 4, spin, squares, rates, broads, np.tile(along, 4))
+    times = [record.time_s for record in records]
+    phases = clocks(times * 4, spin, squares, rates, broads, np.tile(along, 4))
     normal = np.zeros((SHARED + count, SHARED + count))
     right = np.zeros(SHARED + count)
     cost, residuals, of_shots = 0.0, [], []
     for k, record in enumerate(records):
-        u = found[k]
-        by = [(found[k + (n + 1) * count] - u) / nudge[n] for n in range(3)]
+        u = phases[k]
+        by = [(phases[k + (n + 1) * count] - u) / nudge[n] for n in range(3)]
         t, w = record.time_s, float(omega[k])
         fade = np.exp(-rate * u - broad[k] * t)
         cosine, sine, base = fade * np.cos(w * u), fade * np.sin(w * u), np.exp(-rate * u)
@@ -241,11 +241,11 @@ def joint_start(
     rate = float(np.median([fit.decay_per_s for fit in fits])) * 0.85
     best: tuple[float, float, ToneFit] | None = None
     for square in SQUARES:
-        found = _in_its_time(
+        minimum = _in_its_time(
             records[strongest], spin, square, rate, float(along[strongest]), mains_Hz
         )
-        if found is not None and (best is None or found.noise_V < best[0]):
-            best = (found.noise_V, square, found)
+        if minimum is not None and (best is None or minimum.noise_V < best[0]):
+            best = (minimum.noise_V, square, minimum)
     if best is None:
         raise NoJointFit("no polarisation explains the strongest shot")
     _, square, strongest_fit = best
@@ -254,11 +254,11 @@ def joint_start(
     omega, decay = [], []
     for k, record in enumerate(records):
         near = slower * fits[k].omega_rad_per_s, strongest_fit.decay_per_s
-        found = _in_its_time(record, spin, square, rate, float(along[k]), mains_Hz, near)
-        if found is None:
+        minimum = _in_its_time(record, spin, square, rate, float(along[k]), mains_Hz, near)
+        if minimum is None:
             raise NoJointFit(f"shot {k + 1} is no tone in the time of its polarisation")
-        omega.append(found.omega_rad_per_s)
-        decay.append(found.decay_per_s)
+        omega.append(minimum.omega_rad_per_s)
+        decay.append(minimum.decay_per_s)
     frequencies = np.array(omega)
     line = decay_line(frequencies, np.array(decay), np.full(len(decay), 0.01 * rate))
     return np.array([square, max(line.rate_per_s, 1e-3), line.beta_s]), frequencies
@@ -273,8 +273,10 @@ def _in_its_time(
     mains_Hz: float | None,
     near: tuple[float, float] | None = None,
 ) -> ToneFit | None:
-    one = np.ones(1)
-    (u,) = clocks([record.time_s], spin, square * one, rate * one, 0.1 * rate * one, along * one)
+    ones = np.ones(1)
+    (u,) = clocks(
+        [record.time_s], spin, square * ones, rate * ones, 0.1 * rate * ones, along * ones
+    )
     try:
         return fit_tone(u, record.voltage_V, mains_Hz=mains_Hz, start=near)
     except NoTone:

@@ -68,7 +68,7 @@ def saturated_samples(shot: Shot) -> Mask:
     volts = shot.voltage_V
     if shot.full_scale_V is not None:
         return np.asarray(np.abs(volts) >= AT_THE_END * shot.full_scale_V)
-    found = np.zeros(len(volts), dtype=bool)
+    saturated = np.zeros(len(volts), dtype=bool)
     levels = np.unique(volts)
     step_V = float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
     starts, lengths = equal_runs(volts)
@@ -79,8 +79,8 @@ def saturated_samples(shot: Shot) -> Mask:
             last = first + length
             crest = length + _run(near[:first][::-1]) + _run(near[last:])
             if length >= TOP * crest:
-                found[first:last] = True
-    return found
+                saturated[first:last] = True
+    return saturated
 
 
 def _run(marked: Mask) -> int:
@@ -111,9 +111,9 @@ def _too_few(shot: Shot, fit: ToneFit, settings: AnalysisSettings) -> str | None
     wanted_nT = field_nT * settings.few_cycles / fit.cycles
     share = wanted_nT / field_nT
     each = ", ".join(
-        f"{abs(one) * share:.0f} nT in {axis}"
-        for axis, one in zip("xyz", shot.field_nT, strict=True)
-        if one
+        f"{abs(component_nT) * share:.0f} nT in {axis}"
+        for axis, component_nT in zip("xyz", shot.field_nT, strict=True)
+        if component_nT
     )
     return f"{fit.cycles:.2f} cycles pass within the 1/e time; {each} would give 1.5"
 
@@ -123,15 +123,15 @@ def look_at_all(dataset: SerfDataset, settings: AnalysisSettings) -> list[Preces
 
     Where all frequencies are alike only the baselines tell their decay from that of the tones.
     """
-    found = [look_at(shot, settings, dataset.mains_Hz) for shot in dataset.shots]
+    seen = [look_at(shot, settings, dataset.mains_Hz) for shot in dataset.shots]
     rate = None
     for _ in range(MOST_ROUNDS):
-        line = common_decay([one.used_fit for one in found if one.used])
+        line = common_decay([precession.used_fit for precession in seen if precession.used])
         if line is None or (rate is not None and abs(line.rate_per_s - rate) < SAME * line.rate_u):
             break
         rate = line.rate_per_s
-        found = [_again(one, dataset, settings, rate) for one in found]
-    return _unlike_the_others(found)
+        seen = [_again(precession, dataset, settings, rate) for precession in seen]
+    return _unlike_the_others(seen)
 
 
 def common_decay(fits: Sequence[ToneFit]) -> DecayLine | None:
@@ -163,25 +163,29 @@ def decays(fits: Sequence[ToneFit]) -> tuple[Array, Array, Array]:
 
 
 def _again(
-    one: Precession, dataset: SerfDataset, settings: AnalysisSettings, rate: float
+    precession: Precession, dataset: SerfDataset, settings: AnalysisSettings, rate: float
 ) -> Precession:
-    if not one.used or one.fit is None:
-        return one
-    start = (one.fit.omega_rad_per_s, one.fit.decay_per_s)
-    shot = one.shot
+    if not precession.used or precession.fit is None:
+        return precession
+    start = (precession.fit.omega_rad_per_s, precession.fit.decay_per_s)
+    shot = precession.shot
     try:
-        fit = fit_tone(shot.time_s, shot.voltage_V, one.usable, rate, dataset.mains_Hz, start)
+        fit = fit_tone(
+            shot.time_s, shot.voltage_V, precession.usable, rate, dataset.mains_Hz, start
+        )
     except NoTone:
-        return one
-    return replace(one, fit=fit, rejected=_too_few(shot, fit, settings))
+        return precession
+    return replace(precession, fit=fit, rejected=_too_few(shot, fit, settings))
 
 
-def _unlike_the_others(found: list[Precession]) -> list[Precession]:
+def _unlike_the_others(seen: list[Precession]) -> list[Precession]:
     """Reject shots that fade much faster than the others."""
-    fits = [one.used_fit for one in found if one.used]
+    fits = [precession.used_fit for precession in seen if precession.used]
     return [
-        replace(one, rejected=fades_unlike(one.used_fit, fits)) if one.used else one
-        for one in found
+        replace(precession, rejected=fades_unlike(precession.used_fit, fits))
+        if precession.used
+        else precession
+        for precession in seen
     ]
 
 

@@ -39,26 +39,26 @@ class Relabelled:
 
 
 def relabelled_flags(
-    dataset: SerfDataset, seen: Sequence[Precession], found: Frequencies | None
+    dataset: SerfDataset, seen: Sequence[Precession], frequencies: Frequencies | None
 ) -> Iterator[Flag]:
     """Yield a flag that names what was probably commanded, where shots disagree as stated."""
-    if found is None or not found.solution.disagree:
+    if frequencies is None or not frequencies.solution.disagree:
         return
-    used = [one for one in seen if one.used]
-    commanded_nT = np.array([one.shot.field_nT for one in used])
-    names = [one.shot.name for one in used]
+    used = [precession for precession in seen if precession.used]
+    commanded_nT = np.array([precession.shot.field_nT for precession in used])
+    names = [precession.shot.name for precession in used]
     suits: list[tuple[Relabelled, float]] = []
     for kind in (reversals(commanded_nT), pairs_mistaken(commanded_nT), swaps(commanded_nT, names)):
-        suits += _agreeing(list(kind), found, known=dataset.constants_known)
+        suits += _agreeing(list(kind), frequencies, known=dataset.constants_known)
     if not 0 < len(suits) <= MOST_NAMED:
         return
-    what = ", or if ".join(one.what for one, _ in suits)
-    concerned = sorted({names[k] for one, _ in suits for k in one.shots})
+    what = ", or if ".join(suit.what for suit, _ in suits)
+    concerned = sorted({names[k] for suit, _ in suits for k in suit.shots})
     least = min(chi_square for _, chi_square in suits)
     yield contradiction(
         "shots",
-        f"Chi-square of the shots falls from {found.solution.chi_square:.1f} to {least:.1f} if "
-        f"{what}. Correct the commanded fields of these shots, or their names; the angles hold "
+        f"Chi-square of the shots falls from {frequencies.solution.chi_square:.1f} to {least:.1f} "
+        f"if {what}. Correct the commanded fields of these shots, or their names; the angles hold "
         "that error.",
         shots=concerned,
     )
@@ -104,7 +104,7 @@ def swaps(commanded_nT: Array, names: Sequence[str]) -> Iterator[Relabelled]:
 def _groups(commanded_nT: Array) -> Mapping[str, NDArray[np.int64]]:
     """Return the rows of the shots that drive the same coils."""
     coils = np.array(["".join(np.array(AXES)[row != 0.0]) for row in commanded_nT])
-    return {str(one): np.flatnonzero(coils == one) for one in np.unique(coils)}
+    return {str(label): np.flatnonzero(coils == label) for label in np.unique(coils)}
 
 
 def _partners(fields_nT: Array, others_nT: Array) -> NDArray[np.int64] | None:
@@ -113,26 +113,31 @@ def _partners(fields_nT: Array, others_nT: Array) -> NDArray[np.int64] | None:
     theirs = [tuple(np.sign(row[row != 0.0])) for row in others_nT]
     if sorted(signs) != sorted(theirs) or len(set(signs)) < len(signs):
         return None
-    return np.array([theirs.index(one) for one in signs])
+    return np.array([theirs.index(sign) for sign in signs])
 
 
 def _agreeing(
-    kind: Sequence[Relabelled], found: Frequencies, *, known: bool
+    kind: Sequence[Relabelled], frequencies: Frequencies, *, known: bool
 ) -> Iterator[tuple[Relabelled, float]]:
     """Yield the statements of a kind with which the shots agree, and chi-square with them.
 
     Misfits of another cause, in any direction of as many dimensions as there are degrees of
     freedom, lie as near to one of so many statements with a chance that must be small.
     """
-    for one in kind:
+    for labels in kind:
         try:
-            solution = solve(one.commanded_nT, found.omega_rad_per_s, found.covariance, known=known)
+            solution = solve(
+                labels.commanded_nT,
+                frequencies.omega_rad_per_s,
+                frequencies.covariance,
+                known=known,
+            )
         except np.linalg.LinAlgError:
             continue
         freedom = solution.degrees_of_freedom
         settled = solution.converged and solution.positive_definite and freedom >= LEAST_FREEDOM
         if not settled or solution.probability < DOUBTFUL:
             continue
-        near = float(chdtri(freedom, DOUBTFUL)) / found.solution.chi_square
+        near = float(chdtri(freedom, DOUBTFUL)) / frequencies.solution.chi_square
         if len(kind) * near ** (0.5 * freedom) < BY_CHANCE:
-            yield one, solution.chi_square
+            yield labels, solution.chi_square

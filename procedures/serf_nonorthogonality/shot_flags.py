@@ -65,18 +65,18 @@ def _left_out(
         text = f"Shots were taken again, the bad ones are left out: {', '.join(names)} ({why})."
         details = {"shots": names, "count": len(dataset.repeated)}
         yield Flag("shot-repeated", text, details=details)
-    over = [one for one in seen if one.saturated]
+    over = [precession for precession in seen if precession.saturated]
     if over:
-        count = sum(one.saturated for one in over)
+        count = sum(precession.saturated for precession in over)
         text = f"{count} samples are saturated and left out, in {', '.join(_names(over))}."
         yield Flag("overload", text, details={"count": count, "shots": _names(over)})
-    for one in seen:
-        if not one.used:
-            text = f"The shot {one.shot.name} is not used: {one.rejected}."
-            yield Flag("shot-rejected", text, details={"shot": one.shot.name})
+    for precession in seen:
+        if not precession.used:
+            text = f"The shot {precession.shot.name} is not used: {precession.rejected}."
+            yield Flag("shot-rejected", text, details={"shot": precession.shot.name})
     outliers = {
-        shot.name: int(np.sum(one.usable & ~shot.kept))
-        for one, shot in zip(seen, shots, strict=True)
+        shot.name: int(np.sum(precession.usable & ~shot.kept))
+        for precession, shot in zip(seen, shots, strict=True)
         if shot.used
     }
     if count := sum(outliers.values()):
@@ -96,29 +96,33 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
     spins. What the slowing-down factor leaves open counts for the coil.
     """
     clear = [
-        one for one in seen if one.used and one.used_fit.signal_to_noise >= LEAST_SIGNAL_TO_NOISE
+        precession
+        for precession in seen
+        if precession.used and precession.used_fit.signal_to_noise >= LEAST_SIGNAL_TO_NOISE
     ]
     if not clear or 2 * len(clear) < len(seen):
         return  # it is the light, or the cell
-    omega = np.array([one.used_fit.omega_rad_per_s for one in clear])
-    squares = np.array([one.shot.field_nT**2 for one in clear])
+    omega = np.array([precession.used_fit.omega_rad_per_s for precession in clear])
+    squares = np.array([precession.shot.field_nT**2 for precession in clear])
     of_coils = np.linalg.lstsq(squares, omega**2, rcond=None)[0]
     if np.linalg.norm(omega**2 - squares @ of_coils) > UNEXPLAINED * np.linalg.norm(omega**2):
         return  # the coils are not what makes these tones: that is reported of the shots
-    found = np.sqrt(np.maximum(of_coils, 0.0))
+    measured_nT = np.sqrt(np.maximum(of_coils, 0.0))
     spin = SPINS[dataset.nuclear_spin]
     for k, axis in enumerate(AXES):
-        driving = [one for one in seen if one.shot.field_nT[k]]
-        if not driving or (not squares[:, k].any() and any(one.saturated for one in driving)):
+        driving = [precession for precession in seen if precession.shot.field_nT[k]]
+        if not driving or (
+            not squares[:, k].any() and any(precession.saturated for precession in driving)
+        ):
             continue
-        per_nT = float(found[k]) / dataset.gamma_rad_per_s_nT
+        per_nT = float(measured_nT[k]) / dataset.gamma_rad_per_s_nT
         share = min(max(1.0, spin.polarised * per_nT), spin.at_rest * per_nT)
-        largest_nT = max(abs(float(one.shot.field_nT[k])) for one in driving)
+        largest_nT = max(abs(float(precession.shot.field_nT[k])) for precession in driving)
         yield from excitation_flags(axis, axis, {axis: share}, (largest_nT, "nT"), axis)
 
 
 def _names(seen: Sequence[Precession]) -> list[str]:
-    return [one.shot.name for one in seen]
+    return [precession.shot.name for precession in seen]
 
 
 def _statements(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Flag]:
@@ -130,7 +134,11 @@ def _statements(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
             f"electron's is {GAMMA_HZ_PER_NT} Hz/nT, and the slowing-down factor is as wrong as "
             "the statement. Correct gyromagnetic_ratio.",
         )
-    begun = [one.used_fit.decay_per_s * float(one.shot.time_s[0]) for one in seen if one.used]
+    begun = [
+        precession.used_fit.decay_per_s * float(precession.shot.time_s[0])
+        for precession in seen
+        if precession.used
+    ]
     if begun and abs(late := float(np.median(begun))) > LATE:
         yield contradiction(
             "t_s",
@@ -157,10 +165,10 @@ def _statements(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
 
 def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> Iterator[Flag]:
     """Yield the flags on what the fits of single shots show."""
-    fitted = [one for one in seen if one.fit is not None]
-    few = [one for one in fitted if one.used_fit.cycles < settings.few_cycles]
+    fitted = [precession for precession in seen if precession.fit is not None]
+    few = [precession for precession in fitted if precession.used_fit.cycles < settings.few_cycles]
     if few:
-        least = min(few, key=lambda one: one.used_fit.cycles)
+        least = min(few, key=lambda precession: precession.used_fit.cycles)
         cycles = least.used_fit.cycles
         yield Flag(
             "few-cycles",
@@ -170,9 +178,10 @@ def _shape(seen: Sequence[Precession], settings: AnalysisSettings) -> Iterator[F
             details={"shots": _names(few), "cycles": cycles},
         )
     large = [
-        one
-        for one in fitted
-        if one.used and abs(one.used_fit.baseline_V) > LARGE_BASELINE * one.used_fit.amplitude_V
+        precession
+        for precession in fitted
+        if precession.used
+        and abs(precession.used_fit.baseline_V) > LARGE_BASELINE * precession.used_fit.amplitude_V
     ]
     if large:
         yield Flag(
@@ -203,12 +212,12 @@ def misfit_flags(dataset: SerfDataset, shots: Sequence[ShotResult]) -> list[Flag
 
     Each shot for itself, and all together beside their tones and by their time.
     """
-    left = {one.name: _left(shot.time_s, one) for shot, one in _used(dataset, shots)}
+    left = {result.name: _left(shot.time_s, result) for shot, result in _used(dataset, shots)}
     if not left:
         return []
     windows = sum(len(BINS) * len(a.power) + len(SAMPLES) * len(a.square) for a in left.values())
     limit = CHANCE / windows
-    where = {name: text for name, one in left.items() if (text := _place(one, limit))}
+    where = {name: text for name, residual in left.items() if (text := _place(residual, limit))}
     if not where and not _together(list(left.values()), limit):
         return []
     shown = "; ".join(f"{name} {text}" for name, text in list(where.items())[:4])
@@ -229,12 +238,12 @@ def misfit_flags(dataset: SerfDataset, shots: Sequence[ShotResult]) -> list[Flag
 
 def _used(dataset: SerfDataset, shots: Sequence[ShotResult]) -> Iterator[tuple[Shot, ShotResult]]:
     """Yield the shots of the solution whose residuals are more than rounding."""
-    for shot, one in zip(dataset.shots, shots, strict=True):
-        if not one.used or one.fit is None or not np.isfinite(one.omega_rad_per_s):
+    for shot, result in zip(dataset.shots, shots, strict=True):
+        if not result.used or result.fit is None or not np.isfinite(result.omega_rad_per_s):
             continue
-        noisy = one.fit.noise_V > ROUNDING * one.fit.amplitude_V
-        if noisy and len(one.residual_V) > 4 * BESIDE:
-            yield shot, one
+        noisy = result.fit.noise_V > ROUNDING * result.fit.amplitude_V
+        if noisy and len(result.residual_V) > 4 * BESIDE:
+            yield shot, result
 
 
 def _left(time_s: Array, shot: ShotResult) -> Left:
@@ -248,27 +257,27 @@ def _left(time_s: Array, shot: ShotResult) -> Left:
     return Left(power / floor, 0.5 * r**2 / floor, t, bin_Hz, tone)
 
 
-def _place(one: Left, limit: float) -> str | None:
+def _place(left: Left, limit: float) -> str | None:
     """Return where a record has more than noise, the least probable place; None where nowhere."""
-    chance, middle = _least(one.power, 1.0, BINS)
-    by_time, instant = _least(one.square, 0.5, SAMPLES)
+    chance, middle = _least(left.power, 1.0, BINS)
+    by_time, instant = _least(left.square, 0.5, SAMPLES)
     if min(chance, by_time) >= limit:
         return None
     if chance <= by_time:
-        return f"at about {(middle + 1.0) * one.bin_Hz:.4g} Hz"
-    return f"at about {1e3 * float(one.time_s[int(instant)]):.3g} ms"
+        return f"at about {(middle + 1.0) * left.bin_Hz:.4g} Hz"
+    return f"at about {1e3 * float(left.time_s[int(instant)]):.3g} ms"
 
 
 def _together(left: Sequence[Left], limit: float) -> bool:
     """Tell whether all shots together have more than noise beside their tones, or at a time."""
     count = float(len(left))
     beside = [
-        one.power[one.tone - BESIDE : one.tone + BESIDE + 1]
-        for one in left
-        if BESIDE <= one.tone < len(one.power) - BESIDE
+        residual.power[residual.tone - BESIDE : residual.tone + BESIDE + 1]
+        for residual in left
+        if BESIDE <= residual.tone < len(residual.power) - BESIDE
     ]
-    length = min(len(one.square) for one in left)
-    at_times = np.sum([one.square[:length] for one in left], axis=0)
+    length = min(len(residual.square) for residual in left)
+    at_times = np.sum([residual.square[:length] for residual in left], axis=0)
     chance = _least(at_times, 0.5 * count, SAMPLES)[0]
     if beside:
         chance = min(chance, _least(np.sum(beside, axis=0), float(len(beside)), BINS)[0])

@@ -144,8 +144,8 @@ class SlowingDown:
 
 def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
     total = coefficients[-1] * x + coefficients[-2]
-    for one in coefficients[-3::-1]:
-        total = total * x + one
+    for coefficient in coefficients[-3::-1]:
+        total = total * x + coefficient
     return total
 
 

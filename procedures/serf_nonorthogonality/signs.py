@@ -36,23 +36,27 @@ FEWEST = 3
 
 
 def sign_flags(
-    dataset: SerfDataset, seen: Sequence[Precession], found: Frequencies | None
+    dataset: SerfDataset, seen: Sequence[Precession], frequencies: Frequencies | None
 ) -> Iterator[Flag]:
     """Yield a flag that names the shots whose signs contradict those of the others."""
-    if found is None or not found.solution.positive_definite:
+    if frequencies is None or not frequencies.solution.positive_definite:
         return
-    used = [one for one in seen if one.used]
-    commanded_nT = np.array([one.shot.field_nT for one in used])
-    fields = fields_in_light(commanded_nT, found.solution, dataset.pump_axis, dataset.probe_axis)
-    lean = found.lean or NO_LEAN
+    used = [precession for precession in seen if precession.used]
+    commanded_nT = np.array([precession.shot.field_nT for precession in used])
+    fields = fields_in_light(
+        commanded_nT, frequencies.solution, dataset.pump_axis, dataset.probe_axis
+    )
+    lean = frequencies.lean or NO_LEAN
     expected = _expected(fields, lean.spins, lean.probe)
     measured = _measured(used)
     clear = np.abs(expected[:, 0]) > LEAST_SHARE
-    clear &= np.array([one.used_fit.signal_to_noise > LEAST_SIGNAL_TO_NOISE for one in used])
+    clear &= np.array(
+        [precession.used_fit.signal_to_noise > LEAST_SIGNAL_TO_NOISE for precession in used]
+    )
     if int(np.sum(clear)) < FEWEST:
         return
-    odd = _odd_ones(expected[clear], measured[clear], found.omega_rad_per_s[clear])
-    names = [one.shot.name for one, says in zip(used, clear, strict=True) if says]
+    odd = _odd_ones(expected[clear], measured[clear], frequencies.omega_rad_per_s[clear])
+    names = [precession.shot.name for precession, says in zip(used, clear, strict=True) if says]
     if odd is None or not np.any(odd):
         return
     turned = [name for name, wrong in zip(names, odd, strict=True) if wrong]
@@ -76,7 +80,7 @@ def _expected(fields: Array, spins: Array, probe: Array) -> NDArray[np.complex12
 
 def _measured(used: Sequence[Precession]) -> NDArray[np.complex128]:
     """Return tone and baseline (shots, 2) in V."""
-    fits = [one.used_fit for one in used]
+    fits = [precession.used_fit for precession in used]
     return np.array([[fit.cosine_V - 1j * fit.sine_V, fit.baseline_V] for fit in fits])
 
 

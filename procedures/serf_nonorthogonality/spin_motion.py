@@ -150,7 +150,10 @@ def lean_of(fields: Array, ratio: Array, ratio_u: Array) -> Lean:
     for _ in range(MOST_ITERATIONS):
         expected = _ratios(fields, rad)
         slopes = np.column_stack(
-            [(_ratios(fields, rad + NUDGE * one) - expected) / NUDGE for one in np.eye(4)]
+            [
+                (_ratios(fields, rad + NUDGE * direction) - expected) / NUDGE
+                for direction in np.eye(4)
+            ]
         )
         weighted = slopes / ratio_u[:, None]
         left = (gain * ratio - expected) / ratio_u

@@ -33,19 +33,19 @@ HIDDEN_U = 6.0
 
 
 def held_to_steady_fields(
-    seen: Sequence[Precession], found: Frequencies
+    seen: Sequence[Precession], frequencies: Frequencies
 ) -> tuple[Frequencies, list[Flag]]:
     """Return what is found, widened by what unsteady fields may hide, and a flag on their order.
 
     The shots of `seen` stand in the order in which they were taken.
     """
-    if not (found.solution.positive_definite and found.solution.converged):
-        return found, []
-    if not found.solution.free_of_residual:
-        return found, []
-    used = [one.shot for one in seen if one.used]
+    if not (frequencies.solution.positive_definite and frequencies.solution.converged):
+        return frequencies, []
+    if not frequencies.solution.free_of_residual:
+        return frequencies, []
+    used = [precession.shot for precession in seen if precession.used]
     fields_nT = np.array([shot.field_nT for shot in used])
-    changes = Changes(fields_nT, found.covariance, found.solution)
+    changes = Changes(fields_nT, frequencies.covariance, frequencies.solution)
     flags = []
     if (step := changes.hidden_step()) is not None:
         before, after = used[step.place - 1].name, used[step.place].name
@@ -60,7 +60,7 @@ def held_to_steady_fields(
                 {"step_nT": STEP_NT, "moves_deg": step.moves_deg, "shots": [before, after]},
             )
         )
-    return replace(found, solution=changes.widened()), flags
+    return replace(frequencies, solution=changes.widened()), flags
 
 
 @dataclass(frozen=True)

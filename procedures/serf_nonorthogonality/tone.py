@@ -109,7 +109,9 @@ def fit_tone(
         raise NoTone("the signal does not change")
     places = [start] if start is not None else starting_points(t, y, mains_Hz)
     begun = [descend(t, y, place, baseline_decay_per_s, mains_Hz, FIRST_LOOK) for place in places]
-    ahead = sorted((one for one in begun if one is not None), key=lambda one: one[2])
+    ahead = sorted(
+        (minimum for minimum in begun if minimum is not None), key=lambda minimum: minimum[2]
+    )
     best = None
     for omega, decay, _ in ahead:
         # The one that is ahead after a few steps is the right one, unless it ends at no tone.
@@ -129,8 +131,10 @@ def fit_tone(
     return _said(best, time_s, voltage_V, kept, mains_Hz)
 
 
-def _model(t: Array, found: Minimum, mains_Hz: float | None) -> Array:
-    return np.asarray(found.linear @ rows_of(t, found.omega, found.decay, found.slow, mains_Hz))
+def _model(t: Array, minimum: Minimum, mains_Hz: float | None) -> Array:
+    return np.asarray(
+        minimum.linear @ rows_of(t, minimum.omega, minimum.decay, minimum.slow, mains_Hz)
+    )
 
 
 def wild_samples(residual: Array) -> Mask:
@@ -141,40 +145,40 @@ def wild_samples(residual: Array) -> Mask:
     beside = np.median(sliding_window_view(np.pad(residual, 2, mode="edge"), 5), axis=1)
     out = residual - beside
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
-    found: Mask = (np.abs(out) > WILD * spread) & (np.abs(residual) > WILD * spread)
-    if spread <= 0.0 or found.mean() > MOST_WILD:
+    wild: Mask = (np.abs(out) > WILD * spread) & (np.abs(residual) > WILD * spread)
+    if spread <= 0.0 or wild.mean() > MOST_WILD:
         return np.zeros(len(residual), dtype=bool)
-    return found
+    return wild
 
 
 def _said(
-    found: Minimum, time_s: Array, voltage_V: Array, kept: Mask, mains_Hz: float | None
+    minimum: Minimum, time_s: Array, voltage_V: Array, kept: Mask, mains_Hz: float | None
 ) -> ToneFit:
-    model = _model(time_s, found, mains_Hz)
+    model = _model(time_s, minimum, mains_Hz)
     # From the residuals themselves: their sum of squares as a difference is less exact.
     left = (voltage_V - model)[kept]
-    noise = float(np.sqrt(left @ left / found.freedom))
-    linear = found.linear
+    noise = float(np.sqrt(left @ left / minimum.freedom))
+    linear = minimum.linear
     return ToneFit(
-        omega_rad_per_s=found.omega,
-        omega_u=noise * float(np.sqrt(found.inverse[0, 0])),
-        decay_per_s=found.decay,
-        decay_u=noise * float(np.sqrt(found.inverse[1, 1])),
+        omega_rad_per_s=minimum.omega,
+        omega_u=noise * float(np.sqrt(minimum.inverse[0, 0])),
+        decay_per_s=minimum.decay,
+        decay_u=noise * float(np.sqrt(minimum.inverse[1, 1])),
         cosine_V=float(linear[0]),
         sine_V=float(linear[1]),
         baseline_V=float(linear[2]),
         offset_V=float(linear[3]),
         mains_V=float(np.hypot(*linear[4:6])) if mains_Hz is not None else 0.0,
         noise_V=noise,
-        degrees_of_freedom=found.freedom,
-        chirp=found.chirp[0],
-        chirp_u=found.chirp[1],
-        omega_by_chirp=found.chirp[2],
-        own_rate_per_s=found.rate[0],
-        own_rate_u=found.rate[1],
-        omega_by_rate=found.rate[2],
-        drift_per_s=found.drift[0],
-        drift_u=found.drift[1],
+        degrees_of_freedom=minimum.freedom,
+        chirp=minimum.chirp[0],
+        chirp_u=minimum.chirp[1],
+        omega_by_chirp=minimum.chirp[2],
+        own_rate_per_s=minimum.rate[0],
+        own_rate_u=minimum.rate[1],
+        omega_by_rate=minimum.rate[2],
+        drift_per_s=minimum.drift[0],
+        drift_u=minimum.drift[1],
         kept=kept,
         residual_V=voltage_V - model,
         model_V=model,

@@ -33,7 +33,7 @@ def starting_points(t: Array, y: Array, mains_Hz: float | None) -> list[tuple[fl
     length = PADDING * int(2 ** np.ceil(np.log2(count)))
     frequency = 2.0 * np.pi * np.fft.rfftfreq(length, interval_s)
     since = t - t[0]
-    found: list[tuple[float, float, float]] = []
+    starts: list[tuple[float, float, float]] = []
     for share in SHARES_OF_SPAN:
         decay = share / span_s
         if decay * interval_s * LEAST_SAMPLES > 1.0:
@@ -54,11 +54,11 @@ def starting_points(t: Array, y: Array, mains_Hz: float | None) -> list[tuple[fl
             k = int(np.argmax(power))
             if power[k] <= 0.0:
                 break
-            found.append((float(power[k]), float(frequency[k]), decay))
+            starts.append((float(power[k]), float(frequency[k]), decay))
             power[np.abs(frequency - frequency[k]) < width] = 0.0
-    found.sort(key=lambda one: -one[0])
+    starts.sort(key=lambda start: -start[0])
     chosen: list[tuple[float, float]] = []
-    for _, omega, decay in found:
+    for _, omega, decay in starts:
         near = 2.0 * np.pi * APART / span_s
         if all(abs(omega - other) > near or decay != same for other, same in chosen):
             chosen.append((omega, decay))
@@ -132,7 +132,7 @@ def project(
     # Of everything but the columns, what is left when the columns are taken off.
     left = products[count:, count:] - beside.T @ solved
     linear = solved[:, -1] / scale
-    a, b, c = (float(one) for one in linear[:3])
+    a, b, c = (float(value) for value in linear[:3])
     mixing = np.zeros((len(late), 5 if chirp else 2))
     mixing[:2, 0] = b, -a
     mixing[:2, 1] = -a, -b
@@ -212,10 +212,10 @@ def minimum_from(
     mains_Hz: float | None,
 ) -> Minimum | None:
     """Return the minimum that a start leads to; None where that is no decaying tone."""
-    found = descend(t, y, start, baseline_decay_per_s, mains_Hz, MOST_ITERATIONS)
-    if found is None:
+    minimum = descend(t, y, start, baseline_decay_per_s, mains_Hz, MOST_ITERATIONS)
+    if minimum is None:
         return None
-    omega, decay, _ = found
+    omega, decay, _ = minimum
     span_s = float(t[-1] - t[0])
     if omega * span_s < np.pi or decay * span_s < 0.05:
         return None
