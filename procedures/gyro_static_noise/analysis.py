@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from procedures.estimation.flags import gaps_of
+from procedures.estimation.measured import Measured, root
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
 from .axis import AxisAnalysis
@@ -18,7 +19,7 @@ from .dataset import (
     StaticDataset,
 )
 from .flags import data_flags, noise_flags
-from .means import Measured, allan_minimum, bias_of, repeatability_of, root, stability_of
+from .means import allan_minimum, bias_of, repeatability_of, stability_of
 from .noise_fit import Pieces, fit_noise, noise_records
 from .parameters import UNITS
 from .published import curve_of, published_values

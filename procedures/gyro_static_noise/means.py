@@ -7,26 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.estimation.measured import Measured, root
 from procedures.estimation.rate_spectrum import allan_terms, noise_variances
 
 from .dataset import Array
 
 STABILITY_S = 10.0
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A value with its standard uncertainty and degrees of freedom, None for infinitely many."""
-
-    value: float
-    u: float
-    degrees_of_freedom: float | None = None
-
-
-def root(square: float, u: float) -> Measured:
-    """Return the root of a square with its uncertainty, which is finite at zero."""
-    square = max(square, 0.0)
-    return Measured(float(np.sqrt(square)), float(np.sqrt(square + u) - np.sqrt(square)))
 
 
 def bias_of(means: Array, length_s: float, theta: Array | None) -> Measured | None:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from procedures.estimation.frozen import (
     IN_A_ROW,
-    IN_A_SHORT_RECORD,
     equal_runs,
     repeated_windows,
 )
+from procedures.estimation.saturation import stands_at_top
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -21,8 +21,6 @@ Mask = NDArray[np.bool_]
 AXES = ("X", "Y", "Z")
 AT_THE_END = 1.0 - 1e-6
 MOST_OF_A_RECORD = 0.01
-STUCK = 0.3
-NEXT_LEVEL = 0.2
 MOSTLY = 0.9
 ALWAYS_NEW = 0.9
 """Of coarse data, of which fewer differ from the one before, none counts as frozen."""
@@ -150,25 +148,13 @@ def _beyond(rate: Array, range_deg_per_s: float | None) -> Mask:
 def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
     """Return whether output stands at its largest value as it never does at slower rates."""
     slower = [
-        _at_the_top(turn.rate_deg_per_s[:, turn.axis])
+        turn.rate_deg_per_s[:, turn.axis]
         for turn in turns
         if turn.axis == record.axis
         and abs(turn.commanded_deg_per_s) < abs(record.commanded_deg_per_s)
         and np.isfinite(turn.rate_deg_per_s[:, turn.axis]).any()
     ]
-    usual = float(np.median(slower)) if slower else 1.0
-    share = _at_the_top(own)
-    below = _at_the_top(own[np.abs(own) < np.nanmax(np.abs(own))]) * (1.0 - share)
-    if below > NEXT_LEVEL * share:
-        return False  # What is cut off has one level; coarse output has others as full beside it.
-    enough = share * float(np.isfinite(own).sum()) >= IN_A_SHORT_RECORD
-    return share > STUCK and enough and usual < 0.5 * STUCK
-
-
-def _at_the_top(own: Array) -> float:
-    """Return the share of samples that have the largest magnitude."""
-    size = np.abs(own[np.isfinite(own)])
-    return float(np.mean(size == size.max())) if len(size) else 0.0
+    return stands_at_top(own, slower)
 
 
 def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field
 
+from procedures.estimation.turn_encoder import unwrap
 from station.dataset_reading import Table, refuse
 from station.fields import Unit
 from station.files.faults import Fault, listed
@@ -26,7 +27,6 @@ from .all_axes.reading import (
 )
 from .all_axes.stands import OtherAxes, Rest, Turned, direction
 from .dataset import AXES, Array, NineAxisDataset, StaticRecord, TurnRecord
-from .encoder import unwrap
 from .means import interval_of
 from .outlook import prior_of
 from .pose import ATTITUDES
@@ -136,12 +136,14 @@ def _against(table: Table, row: int, record: TurnRecord) -> Iterator[Fault]:
     """Yield the fault of an encoder that does not turn as the table was commanded to."""
     if len(record.time_s) < 2:
         return
-    encoder = unwrap(record, interval_of([record.time_s]))
-    turned = encoder.mean_rate_deg_per_s / record.commanded_deg_per_s
+    nominal = record.commanded_deg_per_s
+    interval_s = interval_of([record.time_s])
+    encoder = unwrap(record.time_s, record.encoder_deg, nominal, interval_s)
+    turned = encoder.mean_rate_deg_per_s / nominal
     if encoder.reversed or turned < HARDLY_TURNED:
         what = (
             f"turns at {encoder.mean_rate_deg_per_s:.4g} deg/s where "
-            f"{record.commanded_deg_per_s:g} deg/s were commanded; angles are positive "
+            f"{nominal:g} deg/s were commanded; angles are positive "
             "counter-clockwise seen from above, as rates are"
         )
         yield table.fault(row, ENCODER, what)

@@ -10,9 +10,10 @@ from scipy.special import chdtri
 
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
+from procedures.estimation.turn_encoder import Encoder, unwrap
 
 from .dataset import Array, Mask, TurnRecord
-from .encoder import Encoder, unwrap, without_graduation
+from .encoder import without_graduation
 from .means import (
     BLOCKS,
     COARSE,
@@ -82,7 +83,10 @@ def axis_means(
     sine of the encoder's angle for all records together; over whole turns it takes nothing away.
     """
     interval_s = interval_of([record.time_s for record in records])
-    encoders = [unwrap(record, interval_s) for record in records]
+    encoders = [
+        unwrap(record.time_s, record.encoder_deg, record.commanded_deg_per_s, interval_s)
+        for record in records
+    ]
     records = [_steady(*pair) for pair in zip(records, encoders, strict=True)]
     axis = records[0].axis
     outputs = [record.rate_deg_per_s[:, axis] for record in records]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procedures.nine_axis_calibration.encoder import unwrap
+from procedures.estimation.turn_encoder import unwrap
 from procedures.nine_axis_calibration.means import good_samples, interval_of
 from procedures.nine_axis_calibration.turning import round_the_turn
 
@@ -37,7 +37,8 @@ def waves_of(mounting: Mounted, channels: Sequence[Array]) -> list[Wave]:
     interval_s = interval_of([record.turn.time_s for record in mounting.records])
     waves = []
     for record, samples in zip(mounting.records, channels, strict=True):
-        encoder = unwrap(record.turn, interval_s)
+        turn = record.turn
+        encoder = unwrap(turn.time_s, turn.encoder_deg, turn.commanded_deg_per_s, interval_s)
         columns = np.column_stack((np.ones(len(samples)), round_the_turn(encoder, interval_s)))
         count = samples.shape[1]
         value, sigma = np.full((3, count), np.nan), np.full(count, np.nan)

@@ -22,9 +22,9 @@ from nine_axis_records import (
 )
 from scipy.special import stdtrit
 
+from procedures.estimation.turn_encoder import unwrap
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
-from procedures.nine_axis_calibration.encoder import unwrap
 from procedures.nine_axis_calibration.outlook import expected_uncertainty
 from procedures.nine_axis_calibration.pose import (
     ATTITUDES,
@@ -305,8 +305,7 @@ def test_an_encoder_is_counted_through_turns_gaps_and_a_wild_reading(rate: float
     true = 300.0 + rate * 1.003 * time_s
     reading = np.mod(true, 360.0)
     reading[20] = 123.0
-    turn = TurnRecord(0, rate, time_s, np.zeros((len(time_s), 3)), reading)
-    encoder = unwrap(turn, 1.0)
+    encoder = unwrap(time_s, reading, rate, 1.0)
     assert encoder.angle_deg - encoder.angle_deg[0] == pytest.approx(true - true[0], abs=1e-6)
     assert encoder.mean_rate_deg_per_s == pytest.approx(1.003 * rate)
     assert not encoder.reversed

@@ -1,0 +1,35 @@
+"""Output that is cut off: it stands at its largest value, as it never does at slower rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .frozen import IN_A_SHORT_RECORD
+
+Array = NDArray[np.float64]
+
+STUCK = 0.3
+NEXT_LEVEL = 0.2
+
+
+def stands_at_top(own: Array, slower: Sequence[Array]) -> bool:
+    """Return whether output (n,) stands at its largest value as records of `slower` rates do not.
+
+    NaN is no sample; records of slower rates that have none are not among them.
+    """
+    usual = float(np.median([_at_the_top(one) for one in slower])) if slower else 1.0
+    share = _at_the_top(own)
+    below = _at_the_top(own[np.abs(own) < np.nanmax(np.abs(own))]) * (1.0 - share)
+    if below > NEXT_LEVEL * share:
+        return False  # What is cut off has one level; coarse output has others as full beside it.
+    enough = share * float(np.isfinite(own).sum()) >= IN_A_SHORT_RECORD
+    return share > STUCK and enough and usual < 0.5 * STUCK
+
+
+def _at_the_top(own: Array) -> float:
+    """Return the share of samples that have the largest magnitude."""
+    size = np.abs(own[np.isfinite(own)])
+    return float(np.mean(size == size.max())) if len(size) else 0.0
