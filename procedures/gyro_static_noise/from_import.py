@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.dataset_reading import Table, refuse
+from station.dataset_checks import switch_ons
+from station.dataset_reading import Table
 from station.fields import StrictModel, Unit
 
 from .dataset import Direction, Record, StaticDataset
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5}
 OUTPUTS = {"counts": "counts", "rate": "rate_deg_per_h"}
-CLOSE = 0.1
-"""By how much of it the spacing of the rows may differ from the sample interval."""
 
 
 class Conditions(StrictModel):
@@ -86,35 +85,10 @@ def _records(
     table: Table, columns: list[str], scale: float, conditions: Conditions
 ) -> Iterator[Record]:
     number, time_s = table["switch_on"], table["t_s"]
-    begins = np.flatnonzero(np.diff(number, prepend=np.nan) != 0.0)
-    _check(table, begins, conditions.sample_interval_s)
+    begins = switch_ons(table, "switch_on", conditions.sample_interval_s)
     rate = np.column_stack([table[one] for one in columns]) * scale
     middle_s = time_s + TO_MIDDLE[conditions.timestamp] * conditions.sample_interval_s
     for start, stop in zip(begins, [*begins[1:], len(number)], strict=True):
         warm = start + np.flatnonzero(middle_s[start:stop] >= conditions.warm_up_s)
         if len(warm):
             yield Record(int(number[start]), middle_s[warm], rate[warm])
-
-
-def _check(table: Table, begins: np.ndarray, interval_s: float) -> None:
-    """Refuse switch-ons that return, times that do not rise, and another sample interval."""
-    number, time_s = table["switch_on"], table["t_s"]
-    faults, seen = [], set()
-    for row in begins.tolist():
-        if number[row] != int(number[row]):
-            faults.append(table.fault(row, "switch_on", f"{number[row]:g} is no whole number"))
-        elif number[row] in seen:
-            what = f"switch-on {number[row]:g} returns; keep its rows together"
-            faults.append(table.fault(row, "switch_on", what))
-        seen.add(number[row])
-    steps = np.diff(time_s)
-    within = np.diff(number) == 0.0
-    for row in (np.flatnonzero(within & (steps <= 0.0)) + 1).tolist():
-        what = f"{time_s[row]:.10g} is not after {time_s[row - 1]:.10g} of the row above"
-        faults.append(table.fault(row, "t_s", f"{what}; times must rise"))
-    if not faults and within.any():
-        usual = float(np.median(steps[within]))
-        if abs(usual - interval_s) > CLOSE * interval_s:
-            what = f"rows are {usual:.4g} s apart, the sample interval is {interval_s:g} s"
-            faults.append(table.fault(1, "t_s", what))
-    refuse(faults)

@@ -1,0 +1,202 @@
+"""What the reader must know about a gyro on a rate table, one flag a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import chdtri
+
+from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
+from station.findings import Estimate, Flag, contradiction
+
+from .dataset import AnalysisSettings, RateTableDataset
+from .joint_fit import JointFit
+from .results import Results
+from .screening import Kept, Screened
+
+FEWEST_RATES = 7
+SCALE_DIFFERS = 0.05
+BY_CHANCE = 1e-3
+
+
+def data_flags(
+    dataset: RateTableDataset, screened: Screened, settings: AnalysisSettings
+) -> list[Flag]:
+    """Return the flags on samples and turns."""
+    flags = _left_out(screened, settings)
+    gaps = sum(
+        (gaps_of(one.time_s, dataset.sample_interval_s, settings.gap) for one in dataset.records),
+        Gaps(),
+    )
+    then = "the angle is taken over the samples that are there"
+    flags += gaps.flags("The records have", dataset.sample_interval_s, then, "IA")
+    flags += _turns(screened.kept, settings)
+    if screened.shift is not None:
+        said = (
+            f"Where the table changes its rate the gyro follows {screened.shift:.2g} samples after "
+            "the stamps: look at `timestamp`. Samples from while the table was not at its rate are "
+            "left out."
+        )
+        flags.append(contradiction("timestamp", said, "IA", samples=screened.shift))
+    if abs(screened.scale - 1.0) > SCALE_DIFFERS:
+        said = (
+            f"The gyro reads {screened.scale:.4g} of the rate that the encoder shows: look whether "
+            "its input axis points up, and at the unit of its output."
+        )
+        flags.append(contradiction("gyro_output", said, "IA", ratio=screened.scale))
+    return flags
+
+
+def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
+    flags = []
+    if screened.saturated:
+        rates = _rates([one.commanded_deg_per_s for one in screened.saturated])
+        said = (
+            f"Saturated: the output stands at its largest value at {_listed(rates)} deg/s; "
+            f"{counted(len(screened.saturated), 'record')} left out."
+        )
+        flags.append(Flag("overload", said, "IA", {"rates": rates}))
+    if screened.wild:
+        said = (
+            f"{counted(screened.wild, 'sample')} of IA lie more than {settings.outlier:g} standard "
+            "deviations from the table's rate and are left out."
+        )
+        flags.append(Flag("outliers-rejected", said, "IA", {"count": screened.wild}))
+    wild = sum(one.record.wild_readings for one in screened.kept)
+    if wild:
+        said = f"Left out, for they do not fit the turn: {counted(wild, 'reading')} of the encoder."
+        flags.append(Flag("outliers-rejected", said, "IA", {"count": wild, "what": "encoder"}))
+    if screened.frozen:
+        flags.append(
+            frozen(
+                "The output",
+                counted(screened.frozen, "sample"),
+                "the gyro",
+                "They are left out.",
+                {"count": screened.frozen},
+                "IA",
+            )
+        )
+    return flags
+
+
+def _turns(records: Sequence[Kept], settings: AnalysisSettings) -> list[Flag]:
+    flags = []
+    turning = [one for one in records if one.record.commanded_deg_per_s]
+    part = [
+        one.record.commanded_deg_per_s
+        for one in turning
+        if abs(one.turns - round(one.turns)) > settings.part_turns * one.turns
+    ]
+    if part:
+        rates = _rates(part)
+        said = (
+            f"The table did not turn whole turns at {_listed(rates)} deg/s; what the earth's rate "
+            "leaves there is solved for and taken off, an error of the encoder is not."
+        )
+        flags.append(Flag("part-turns", said, "IA", {"rates": rates}))
+    unsteady = [one for one in turning if bool(one.record.unsteady.any())]
+    if unsteady:
+        rates = _rates([one.record.commanded_deg_per_s for one in unsteady])
+        count = sum(int(one.record.unsteady.sum()) for one in unsteady)
+        said = (
+            f"By its encoder the table was not at its rate in {counted(count, 'sample')} at "
+            f"{_listed(rates)} deg/s. Spin-up and settling belong into no record."
+        )
+        flags.append(Flag("unsteady-rate", said, "IA", {"count": count, "rates": rates}))
+    off = [one.table / 3600.0 / one.record.commanded_deg_per_s - 1.0 for one in turning]
+    if off and max(map(abs, off)) > settings.rate_differs:
+        worst = int(np.argmax(np.abs(off)))
+        said = (
+            f"At {turning[worst].record.commanded_deg_per_s:g} deg/s the encoder shows "
+            f"{turning[worst].table / 3600.0:.5g} deg/s; the result uses the encoder, the "
+            "published values do not."
+        )
+        flags.append(
+            Flag("rate-differs-from-commanded", said, "IA", {"relative_difference": off[worst]})
+        )
+    senses = {one.record.commanded_deg_per_s for one in turning}
+    single = _rates([one for one in senses if -one not in senses])
+    if single:
+        said = f"At {_listed(single)} deg/s there is a usable record in one sense only."
+        flags.append(Flag("one-sense-only", said, "IA", {"rates": single}))
+    count = len({abs(one) for one in senses})
+    if 0 < count < FEWEST_RATES:
+        said = f"The gyro was turned at {counted(count, 'rate')}; the standard asks for seven."
+        flags.append(Flag("outside-published-range", said, "IA", {"count": count}))
+    return flags
+
+
+def result_flags(
+    screened: Screened,
+    fit: JointFit | None,
+    results: Results | None,
+    estimates: Sequence[Estimate],
+    settings: AnalysisSettings,
+) -> list[Flag]:
+    """Return the flags on the results: what is noise, what is not determined, what does not fit."""
+    flags = []
+    small = [
+        one.name
+        for one in estimates
+        if one.value is not None
+        and one.standard_uncertainty is not None
+        and one.name in ("nonlinearity", "nonlinearity_of_full_scale", "asymmetry")
+        and abs(one.value) < _bound(one.name, settings) * one.standard_uncertainty
+    ]
+    if results is not None and results.agree and results.nonlinearity is not None:
+        small += [n for n in ("nonlinearity",) if n not in small]
+    if small:
+        said = f"{_words(small)} cannot be distinguished from noise."
+        flags.append(Flag("not-significant", said, "IA", {"coefficients": small}))
+    lost = [one.name for one in estimates if one.value is None]
+    if lost:
+        said = f"The records do not determine {', '.join(lost)}."
+        if lost == ["scale_factor_repeatability"]:
+            said = "One switch-on shows no repeatability of the scale factor."
+        flags.append(not_identifiable(said, lost, "IA"))
+    if fit is None:
+        return flags
+    ramps = fit.ramps()
+    for number, ramp in zip(fit.layout.repeats, ramps, strict=True):
+        if not fit.determined(ramp):
+            continue
+        value, u = float(ramp @ fit.value), float(np.sqrt(ramp @ fit.covariance @ ramp))
+        if abs(value) > settings.drift_removed * u:
+            said = f"In switch-on {number} the bias drifts by {value:.3g} deg/h^2, u = {u:.2g}."
+            details = {"ramp_deg_per_h2": value, "repeat": number}
+            flags.append(Flag("drift-removed", said, "IA", details))
+    if fit.freedom > 0 and fit.chi_square > float(chdtri(fit.freedom, BY_CHANCE)):
+        said = (
+            "The records contradict one another beyond their noise and the walk of the bias: chi-"
+            f"square is {fit.chi_square:.3g} with {fit.freedom} degrees of freedom. The worst is "
+            f"{_worst(screened.kept, fit)}."
+        )
+        flags.append(Flag("misfit", said, "IA", {"chi_square": fit.chi_square}))
+    return flags
+
+
+def _worst(records: Sequence[Kept], fit: JointFit) -> str:
+    number = int(np.argmax(np.abs(fit.residual) / fit.residual_u))
+    one = records[number].record
+    return f"that at {one.commanded_deg_per_s:g} deg/s in switch-on {one.repeat}"
+
+
+def _bound(name: str, settings: AnalysisSettings) -> float:
+    if name == "asymmetry":
+        return settings.not_significant
+    return settings.nonlinearity_not_significant
+
+
+def _rates(rates: Sequence[float]) -> list[float]:
+    return sorted(set(rates), key=lambda one: (abs(one), -one))
+
+
+def _listed(rates: Sequence[float]) -> str:
+    return ", ".join(f"{one:g}" for one in rates)
+
+
+def _words(names: Sequence[str]) -> str:
+    text = ", ".join(names).replace("_", " ")
+    return text[0].upper() + text[1:]

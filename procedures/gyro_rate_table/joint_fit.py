@@ -1,0 +1,211 @@
+"""All records at once: response, asymmetry, switch-ons, bias, drift, walk and lean of a gyro.
+
+mean_j = K_i W_j + A |W_j| + d_r W_j + b_r + ramp_r t_j + c cos_j + s sin_j + walk_j + noise_j for a
+record j of rate i in switch-on r; the d_r add to zero, ramp and walk have zero mean over the
+records of a switch-on. The size of the walk is found by restricted maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procedures.estimation.reml import Stretch, fit
+
+from .dataset import SECONDS_PER_HOUR, Array
+from .noise import Within
+from .screening import Kept
+
+SAME_RATE = 1e-6
+DETERMINED = 1e-5
+"""Singular values of scaled columns below this part of the largest are none."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the records are of: `rates` (m,) in deg/h as turned, `repeats` (n,), and their places.
+
+    `rate_of` (r,) is -1 where the table stood.
+    """
+
+    rates: Array
+    nominal: Array
+    repeats: tuple[int, ...]
+    rate_of: Array
+    repeat_of: Array
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The solution: `value` and `covariance` of all columns, in deg/h and ratios.
+
+    Columns stand as K_i (m), A, contrasts of d (n - 1), b (n), ramps in deg/h per h (n), c, s.
+    `seen` (p, q) spans what the data determine of columns over their `width` (p,). `walk` is the
+    square of the walk's size in (deg/h)²/h; `chi_square` is that of the records about the solution,
+    with `freedom`.
+    """
+
+    layout: Layout
+    value: Array
+    covariance: Array
+    seen: Array
+    width: Array
+    walk: float
+    chi_square: float
+    freedom: int
+    residual: Array
+    residual_u: Array
+
+    def determined(self, gradient: Array) -> bool:
+        """Return whether the data determine a combination of the columns."""
+        scaled = gradient / self.width
+        outside = scaled - self.seen @ (self.seen.T @ scaled)
+        return bool(np.linalg.norm(outside) <= DETERMINED * np.linalg.norm(scaled))
+
+    @property
+    def rates(self) -> int:
+        """How many rates there are."""
+        return len(self.layout.rates)
+
+    @property
+    def switch_ons(self) -> int:
+        """How many switch-ons there are."""
+        return len(self.layout.repeats)
+
+    @property
+    def asymmetry(self) -> int:
+        """The place of A."""
+        return self.rates
+
+    def scale_factors(self) -> Array:
+        """Return the columns' part in each K_i, (m, p)."""
+        return np.eye(self.rates, len(self.value))
+
+    def departures(self) -> Array:
+        """Return the columns' part in each d_r, (n, p)."""
+        found = np.zeros((self.switch_ons, len(self.value)))
+        first = self.rates + 1
+        found[:, first : first + self.switch_ons - 1] = contrasts(self.switch_ons)
+        return found
+
+    def biases(self) -> Array:
+        """Return the columns' part in each b_r, (n, p)."""
+        return self._block(self.rates + self.switch_ons)
+
+    def ramps(self) -> Array:
+        """Return the columns' part in each ramp, (n, p)."""
+        return self._block(self.rates + 2 * self.switch_ons)
+
+    def _block(self, first: int) -> Array:
+        return np.eye(len(self.value))[first : first + self.switch_ons]
+
+
+def contrasts(count: int) -> Array:
+    """Return an orthonormal basis (n, n - 1) of numbers that add to zero."""
+    full, _ = np.linalg.qr(np.column_stack((np.ones(count), np.eye(count)[:, : count - 1])))
+    return np.asarray(full[:, 1:])
+
+
+def layout_of(records: Sequence[Kept]) -> Layout:
+    """Return which record is of which rate and switch-on."""
+    nominal = np.array([abs(one.record.commanded_deg_per_s) for one in records])
+    size = np.rint(nominal / SAME_RATE) * SAME_RATE
+    rates = np.unique(size[size > 0.0])
+    rate_of = np.where(size > 0.0, np.searchsorted(rates, size), -1)
+    table = np.array([abs(one.table) for one in records])
+    turned = np.array([table[rate_of == i].mean() for i in range(len(rates))])
+    repeats = tuple(dict.fromkeys(one.record.repeat for one in records))
+    repeat_of = np.array([repeats.index(one.record.repeat) for one in records])
+    return Layout(turned, rates, repeats, rate_of, repeat_of)
+
+
+def fit_records(
+    records: Sequence[Kept], within: Within, own_variance: Array, scale: float
+) -> JointFit:
+    """Return the joint solution; `own_variance` (r,) in (deg/h)² is what else each mean has."""
+    layout = layout_of(records)
+    columns = _columns(records, layout)
+    data = np.array([one.mean for one in records])
+    table = np.array([one.table for one in records])
+    data = data - np.where(layout.rate_of < 0, scale * table, 0.0)  # a table that hardly moves
+    lengths_s = np.array([one.length_s for one in records])
+    sigma = np.sqrt(within.variance(lengths_s) + own_variance)
+    walk = _walk_covariance(records, layout) / np.outer(sigma, sigma)
+    size, shape = np.linalg.eigh(walk)
+    # The walk and the noise are independent along these directions, so that all is diagonal.
+    design = shape.T @ (columns / sigma[:, None])
+    turned = shape.T @ (data / sigma)
+    known = np.linalg.cholesky(within.normal)
+    extra = np.zeros((2, columns.shape[1]))
+    extra[:, -2:] = known.T
+    design = np.vstack((design, extra))
+    turned = np.append(turned, np.linalg.solve(known, within.right))
+    width = np.linalg.norm(design, axis=0)
+    width = np.where(width > 0.0, width, 1.0)
+    _, values, rows = np.linalg.svd(design / width, full_matrices=False)
+    rank = int(np.sum(values > DETERMINED * values[0]))
+    basis = rows[:rank].T
+    reduced = design / width @ basis
+    parts = np.append(np.maximum(size, 0.0), [0.0, 0.0])[None]
+    rest = np.ones(len(turned))
+    freedom = len(turned) - rank
+    theta = np.zeros(1)
+    if freedom > 0 and parts.max() > 0.0:
+        theta = fit([Stretch(turned, parts, rest, reduced)]).theta
+    variance = theta @ parts + rest
+    weighted = reduced / variance[:, None]
+    inverse = np.linalg.inv(reduced.T @ weighted)
+    solved = inverse @ (weighted.T @ turned)
+    left = turned - reduced @ solved
+    back = basis / width[:, None]
+    value = back @ solved
+    apart = data - columns @ value
+    return JointFit(
+        layout,
+        value,
+        back @ inverse @ back.T,
+        basis,
+        width,
+        float(theta[0]),
+        float(left**2 @ (1.0 / variance)),
+        freedom,
+        apart,
+        sigma,
+    )
+
+
+def _columns(records: Sequence[Kept], layout: Layout) -> Array:
+    count = len(records)
+    table = np.where(layout.rate_of < 0, 0.0, [one.table for one in records])
+    own_rate = np.zeros((count, len(layout.rates)))
+    turning = np.flatnonzero(layout.rate_of >= 0)
+    own_rate[turning, layout.rate_of[turning]] = table[turning]
+    own_repeat = np.eye(len(layout.repeats))[layout.repeat_of]
+    departures = table[:, None] * (own_repeat @ contrasts(len(layout.repeats)))
+    time_h = _middles_h(records)
+    mean_h = own_repeat.T @ time_h / own_repeat.sum(axis=0)
+    ramps = own_repeat * (time_h - mean_h[layout.repeat_of])[:, None]
+    waves = np.array([one.waves.mean(axis=0) for one in records])
+    return np.column_stack((own_rate, np.abs(table), departures, own_repeat, ramps, waves))
+
+
+def _walk_covariance(records: Sequence[Kept], layout: Layout) -> Array:
+    """Return the covariance (r, r) of the records' means for a walk of 1 (deg/h)²/h.
+
+    Its mean over the records of a switch-on is zero.
+    """
+    time_h = _middles_h(records)
+    length_h = np.array([one.length_s for one in records]) / SECONDS_PER_HOUR
+    same = np.equal.outer(layout.repeat_of, layout.repeat_of)
+    covariance = np.where(same, np.minimum.outer(time_h, time_h), 0.0)
+    covariance[np.diag_indices_from(covariance)] -= length_h / 6.0
+    centred = np.eye(len(records)) - same / same.sum(axis=1)[:, None]
+    return np.asarray(centred @ covariance @ centred.T)
+
+
+def _middles_h(records: Sequence[Kept]) -> Array:
+    return (
+        np.array([float(one.record.time_s[one.good].mean()) for one in records]) / SECONDS_PER_HOUR
+    )

@@ -1,0 +1,108 @@
+"""Records of known gyros: results at the bound, and what a lean, a drift or a wrong stamp does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rate_records import CASES, Gyro, bounds, made, trials, without
+
+from procedures.gyro_rate_table.analysis import RateTableAnalysis, analyse
+from procedures.gyro_rate_table.dataset import RateTableDataset, Record
+
+PPM = 1e6
+
+
+def codes(analysis: RateTableAnalysis) -> set[str]:
+    return {one.code for one in analysis.flags}
+
+
+@pytest.mark.parametrize("case", ["white", "drifting", "part turns, axis 1 deg off"])
+def test_scale_factor_and_asymmetry_reach_the_bound(case: str) -> None:
+    found, bound = trials(CASES[case], 3), bounds(CASES[case])
+    for name, factor in (("scale_factor", PPM), ("asymmetry", 1.0)):
+        u = float(np.median(found[name].u)) * factor
+        assert 0.8 < u / bound[name] < 1.25, name
+        assert np.all(np.abs(found[name].errors) < 4.0 * found[name].u)
+
+
+def test_switch_ons_that_scatter_are_in_the_uncertainty() -> None:
+    case = made(np.random.default_rng(3), CASES["four switch-ons"])
+    analysis = analyse(case.dataset)
+    spread = analysis.estimate("scale_factor_repeatability", "IA").value
+    scale = analysis.estimate("scale_factor", "IA")
+    assert spread == pytest.approx(case.truth["scale_factor_repeatability"], abs=0.3)
+    assert spread is not None and scale.standard_uncertainty is not None
+    assert scale.standard_uncertainty == pytest.approx(spread / PPM / 2.0, rel=0.05)
+    assert scale.degrees_of_freedom == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_nonlinear_gyro_shows_its_curve_and_a_perfect_one_none() -> None:
+    case = made(np.random.default_rng(5), CASES["nonlinear"])
+    analysis = analyse(case.dataset)
+    for name in ("nonlinearity", "nonlinearity_of_full_scale", "asymmetry"):
+        one = analysis.estimate(name, "IA")
+        assert one.value is not None and one.standard_uncertainty is not None
+        assert abs(one.value - case.truth[name]) < 4.0 * one.standard_uncertainty
+    assert "not-significant" not in codes(analysis)
+    perfect = analyse(made(np.random.default_rng(5), CASES["white"]).dataset)
+    (flag,) = [one for one in perfect.flags if one.code == "not-significant"]
+    assert {"nonlinearity", "asymmetry"} <= set(flag.details["coefficients"])
+    one = perfect.estimate("nonlinearity", "IA")
+    assert one.value is not None and one.value < 2.0 * (one.standard_uncertainty or 0.0)
+
+
+def test_a_warm_up_is_named_and_taken_off() -> None:
+    case = made(np.random.default_rng(2), Gyro(warm_up=2.0))
+    analysis = analyse(case.dataset)
+    assert "drift-removed" in codes(analysis)
+    scale = analysis.estimate("scale_factor", "IA")
+    assert scale.value is not None
+    assert abs(scale.value - case.truth["scale_factor"]) < 4.0 * (scale.standard_uncertainty or 0.0)
+
+
+def late(one: Record) -> Record:
+    """Return a record whose outputs come one sample too late."""
+    rates = np.append(one.rate_deg_per_s[:1], one.rate_deg_per_s[:-1])
+    return replace(one, rate_deg_per_s=rates)
+
+
+def test_stamps_a_sample_off_are_named_and_spoil_nothing() -> None:
+    case = made(np.random.default_rng(4), CASES["settling"])
+    right, wrong = analyse(case.dataset), analyse(shifted(case.dataset))
+    assert "contradicts-statement" not in codes(right)
+    (flag,) = [one for one in wrong.flags if one.code == "contradicts-statement"]
+    assert flag.details["samples"] == pytest.approx(1.0, abs=0.3)
+    for analysis in (right, wrong):
+        assert "unsteady-rate" in codes(analysis)
+        one = analysis.estimate("scale_factor", "IA")
+        assert one.value is not None
+        assert abs(one.value - case.truth["scale_factor"]) < 4.0 * (one.standard_uncertainty or 0.0)
+
+
+def shifted(dataset: RateTableDataset) -> RateTableDataset:
+    return replace(dataset, records=tuple(late(one) for one in dataset.records))
+
+
+def test_a_record_that_another_disturbed_does_not_fit() -> None:
+    case = made(np.random.default_rng(6), CASES["white"])
+    records = list(case.dataset.records)
+    bad = next(n for n, one in enumerate(records) if one.commanded_deg_per_s == -20.0)
+    records[bad] = replace(records[bad], rate_deg_per_s=records[bad].rate_deg_per_s + 1e-3)
+    analysis = analyse(replace(case.dataset, records=tuple(records)))
+    assert "misfit" in codes(analysis) or (analysis.fit is not None and analysis.fit.walk > 1.0)
+
+
+def test_without_standing_records_the_published_rule_has_nothing_to_take_off() -> None:
+    case = made(np.random.default_rng(8), CASES["white"])
+    analysis = analyse(without(case.dataset, 0.0))
+    assert all(one.value is None for one in analysis.published)
+    assert analysis.estimate("scale_factor", "IA").value is not None
+
+
+def test_records_of_nothing_give_null() -> None:
+    case = made(np.random.default_rng(8), CASES["white"])
+    empty = analyse(replace(case.dataset, records=()))
+    assert all(one.value is None for one in empty.estimates)
+    assert "not-identifiable" in codes(empty)
