@@ -152,7 +152,8 @@ RUN_EVENTS = {
     "finished units only; `raw_bytes` is how long the raw file of each source was then",
     "field-on": "rlg-magnetic-sensitivity: a coil was switched on, with amplitude and frequency",
     "field-off": "rlg-magnetic-sensitivity: a coil was switched off",
-    "published-value": "rlg-magnetic-sensitivity: what step S7 gave",
+    "published-value": "what the source document's own formula gives while a run goes on; null "
+    "where it gives nothing",
     "overload": "accelerometer-magnetic-sensitivity: the voltmeter's range was too small; the unit "
     "is measured again in the next one",
     "residual-field": "serf-nonorthogonality: what a round of nulling found; null where it drifts",

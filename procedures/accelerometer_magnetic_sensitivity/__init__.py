@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from station.method.commands import CoilOff, CoilOn, Homing, Power
 from station.procedure import Later, Procedure, Prompt, ResultKind, Step, usual_modules
 from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
-from station.runner.verbs import come_to_rest, require_off
+from station.runner.verbs import come_to_rest, record_published, require_off
 
 from .measuring import Place, finished_points, measure, turn_to
 from .parameters import AccelerometerParameters, Point
@@ -182,12 +182,7 @@ def identify(run: Run) -> None:
     analysis = analyse(dataset_of_run(folder, run.parameters, run.bench))
     for published in analysis.published:
         if published.value is not None:
-            run.record.event(
-                "published-value",
-                name=published.name,
-                value=published.value,
-                unit=published.unit,
-            )
+            record_published(run, published.value, published.unit, name=published.name)
     km = {published.name: published for published in analysis.published}["Km"]
     if km.value is not None:
         run.progress.say(f"    as published Km = {km.value:.5g} {km.unit}")

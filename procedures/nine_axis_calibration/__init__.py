@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from station.method.commands import Power
 from station.procedure import Later, Procedure, ResultKind, Step, usual_modules
+from station.runner.verbs import record_published
 
 from .parameters import AXES, NineAxisParameters, position_unit
 from .placing import ask_to_place, make_table_ready, turn_up
@@ -88,10 +89,9 @@ def say_published(run: Run, name: str) -> None:
         if published.name != name or published.value is None:
             continue
         unit = UNITS[name]
-        run.record.event(
-            "published-value", name=name, axis=published.axis, value=published.value, unit=unit
-        )
-        values.append(f"{published.axis} {published.value:.7g}{'' if unit == '1' else f' {unit}'}")
+        axis = str(published.axis)
+        record_published(run, published.value, unit, name=name, axis=axis)
+        values.append(f"{axis} {published.value:.7g}{'' if unit == '1' else f' {unit}'}")
     if values:
         run.progress.say(f"    as published, {name}: {', '.join(values)}")
 

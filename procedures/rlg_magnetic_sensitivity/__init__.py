@@ -37,7 +37,7 @@ from procedures.rlg_magnetic_sensitivity.work import (
 from station.method.commands import CoilOff, Power
 from station.procedure import Procedure, Prompt, ResultKind, Step, usual_modules
 from station.roles import CoilSupply, Gaussmeter, GyroAcquisition
-from station.runner.verbs import acquire, require_off
+from station.runner.verbs import acquire, record_published, require_off
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -190,7 +190,7 @@ def read_peak(run: Run, planned: PlannedRecord) -> None:
     segment, _ = run.state(Spectra).of_unit.pop(planned.unit)
     for axis in planned.energised:
         published = published_value(segment, axis)
-        run.record.event("published-value", axis=axis, value=published.value, unit=published.unit)
+        record_published(run, published.value, published.unit, axis=axis)
         if published.value is not None:
             value = f"{published.value:.4f} {published.unit}"
             run.progress.say(f"    {axis}: as published |S| = {value}")

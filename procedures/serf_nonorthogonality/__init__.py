@@ -13,6 +13,7 @@ from station.errors import ConditionNotReached
 from station.method.cell_commands import PumpLight
 from station.method.prompts import AskedValue
 from station.procedure import Procedure, Prompt, ResultKind, Step, usual_modules
+from station.runner.verbs import keep, record_published
 
 from .cell import Cell, LightPassed, fields_lost, null_residual_field
 from .parameters import SerfParameters
@@ -144,8 +145,6 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
 
     Raises LightPassed where the light was not blocked at the last attempt.
     """
-    from station.runner.verbs import keep
-
     from .precession import bad_because, fit_of
 
     try:
@@ -174,7 +173,7 @@ def read_slowing_down(run: Run) -> None:
     paper, frequency_Hz = published_so_far(run, 1)
     if paper.slowing_down is not None:
         q = paper.slowing_down
-        run.record.event("published-value", name="slowing_down_factor", value=q, unit="1")
+        record_published(run, q, "1", name="slowing_down_factor")
         run.progress.say(f"    {frequency_Hz:.2f} Hz, Q = {q:.3f}")
 
 
@@ -212,8 +211,7 @@ def read_first_angle(run: Run) -> None:
     pair = run.parameters.wanted[1].coils
     angle_deg = published_so_far(run, 2)[0].angles_deg[pair]
     if angle_deg is not None:
-        name = "nonorthogonality_angle"
-        run.record.event("published-value", name=name, axis=pair, value=angle_deg, unit="deg")
+        record_published(run, angle_deg, "deg", name="nonorthogonality_angle", axis=pair)
         run.progress.say(f"    as published theta_{pair} = {angle_deg:.3f} deg")
 
 

@@ -236,3 +236,8 @@ def require_off(run: Run, *instruments: str) -> None:
                 f"it reads back {reading.read_back}",
                 "switch the supply off by hand",
             )
+
+
+def record_published(run: Run, value: float | None, unit: str, **of: Any) -> None:
+    """Record what the source's own formula gives, null for nothing; `of` is its `name`, `axis`."""
+    run.record.event("published-value", **of, value=value, unit=unit)

@@ -1,4 +1,4 @@
-"""Who may import whom, who may ask the operating system for the time, and how files are opened."""
+"""Who may import whom, who may ask the operating system for the time, and what names may be."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def imports(path: Path, *, typing_too: bool = True, deep: bool = False) -> Itera
                 [*(base if node.level else []), *([node.module] if node.module else [])]
             )
             inside = [f"{name}.{alias.name}" for alias in node.names]
-            yield from [one if one in MODULES else name for one in inside] if deep else [name]
+            yield from [part if part in MODULES else name for part in inside] if deep else [name]
 
 
 class WithoutTypes(ast.NodeTransformer):
@@ -156,6 +156,25 @@ def test_no_file_is_longer_than_a_reader_can_hold(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 350
 
 
+TELL_NOTHING = {"one", "found", "stand", "course"}
+"""A name states what the thing is: an instrument, an event, a match, a trajectory."""
+NAMED_LATER = ("procedures.gyro_static_noise",)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_of)
+def test_every_name_states_what_the_thing_is(path: Path) -> None:
+    if not within(module_of(path), *NAMED_LATER):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        assert not TELL_NOTHING & {name for node in ast.walk(tree) for name in _names_of(node)}
+
+
+def _names_of(node: ast.AST) -> Iterator[str]:
+    """Yield the names that a node gives or uses, whatever kind of node it is."""
+    for field in ("id", "arg", "attr", "name", "asname", "rest"):
+        if isinstance(name := getattr(node, field, None), str):
+            yield name
+
+
 COMMAND_LINE = "import station.cli.app"
 PROCEDURES = "from station.procedure import Procedures; dict(Procedures())"
 
@@ -232,9 +251,13 @@ def test_a_frozen_instrument_is_worded_once() -> None:
 def _defaults(path: Path) -> dict[str, ast.expr]:
     """Return the attributes of a file's classes that have a number, or another default."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    lines = [line for one in ast.walk(tree) if isinstance(one, ast.ClassDef) for line in one.body]
-    found = [one for one in lines if isinstance(one, ast.AnnAssign) and one.value is not None]
-    return {ast.unparse(one.target): one.value for one in found if not _is_none(one.value)}
+    classes = [node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    lines = [line for node in classes for line in node.body if isinstance(line, ast.AnnAssign)]
+    return {
+        ast.unparse(line.target): line.value
+        for line in lines
+        if line.value is not None and not _is_none(line.value)
+    }
 
 
 def _is_none(value: ast.expr | None) -> bool:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def findings(folder: RunFolder, parameters: ProbeParameters, bench: Bench) -> Findings:
     """Return the figures of the probe's place; a run without all its records gives none."""
-    units = [one.unit for place in PLACES for one in parameters.records_at(place)]
+    units = [record.unit for place in PLACES for record in parameters.records_at(place)]
     finished = folder.finished_units()
     if missing := [unit for unit in units if unit not in finished]:
         return findings_of(not_measured("probe", RESULTS, missing), None, [])
@@ -35,8 +35,8 @@ def dataset_of_run(folder: RunFolder, parameters: ProbeParameters) -> ProbeDatas
     u: list[list[float]] = []
     for place in PLACES:
         means: dict[tuple[str, str], Mean] = {
-            (one.coil, one.sense): mean_of(field_of(folder, one.unit))
-            for one in parameters.records_at(place)
+            (record.coil, record.sense): mean_of(field_of(folder, record.unit))
+            for record in parameters.records_at(place)
         }
         both = [(means[coil, "plus"], means[coil, "minus"]) for coil in COILS]
         fields.append([(a.field_mT[k] - b.field_mT[k]) / 2.0 for k, (a, b) in enumerate(both)])

@@ -46,7 +46,8 @@ def places(run: Run) -> None:
         run.role(supply_of(coil), DirectCurrentSupply).programme_limits()
     run.apply(field_range(parameters))
     for place in PLACES:
-        wanted = [one for one in parameters.records_at(place) if not run.is_finished(one.unit)]
+        records = parameters.records_at(place)
+        wanted = [record for record in records if not run.is_finished(record.unit)]
         if not wanted:
             continue
         all_off(run)

@@ -66,6 +66,20 @@ def test_the_true_angles_come_back(runs: list[tuple[Outcome, dict[str, Any]]]) -
     assert np.mean(np.square(errors)) < 2.5
 
 
+def test_a_run_records_what_the_papers_formulas_give_on_the_way(
+    runs: list[tuple[Outcome, dict[str, Any]]],
+) -> None:
+    events = RunFolder(runs[0][0].folder).events_of("published-value")
+    recorded = [dict(event.details) for event in events]
+    values = [event.pop("value") for event in recorded]
+    assert recorded == [
+        {"name": "slowing_down_factor", "unit": "1"},
+        {"name": "nonorthogonality_angle", "axis": "xy", "unit": "deg"},
+    ]
+    assert 3.0 < values[0] < 6.5
+    assert 80.0 < values[1] < 100.0
+
+
 def test_coil_factors_come_back_as_ratios(runs: list[tuple[Outcome, dict[str, Any]]]) -> None:
     gains = {"x": 0.05, "y": -0.04, "z": 0.03}
     for outcome, truth in runs:
