@@ -20,7 +20,7 @@ def stands_at_top(own: Array, slower: Sequence[Array]) -> bool:
 
     NaN is no sample; records of slower rates that have none are not among them.
     """
-    usual = float(np.median([_at_the_top(one) for one in slower])) if slower else 1.0
+    usual = float(np.median([_at_the_top(rate) for rate in slower])) if slower else 1.0
     share = _at_the_top(own)
     below = _at_the_top(own[np.abs(own) < np.nanmax(np.abs(own))]) * (1.0 - share)
     if below > NEXT_LEVEL * share:
