@@ -29,7 +29,7 @@ class InputError(StationError):
 
 
 class UnansweredPrompt(InputError):
-    """A prompt that needs a person while nobody can be asked."""
+    """A prompt that needs a person while no operator can be asked."""
 
 
 class QuantityNotRead(InputError):

@@ -206,7 +206,7 @@ class BurstMeter(ScpiDriver):
         if found_Hz not in (50.0, 60.0) or wanted_Hz != found_Hz:
             raise self.error(
                 "asked for the frequency of the mains",
-                f"it found {found_Hz:g} Hz, the bench file says {wanted_Hz:g} Hz",
+                f"it measured {found_Hz:g} Hz, the bench file states {wanted_Hz:g} Hz",
                 "correct settings.line_frequency, or switch the meter off and on at these mains",
             )
         return found_Hz

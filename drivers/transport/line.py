@@ -55,7 +55,7 @@ class TracedLine:
     ) -> InstrumentError:
         return self._fault(
             f"open {self._place.address}",
-            f"nobody answers there ({why})",
+            f"nothing answers there ({why})",
             f"{do_now} and the address in the bench file",
         )
 
@@ -78,7 +78,7 @@ def errors_until_none(name: str, next_error: Callable[[], str]) -> list[str]:
             name,
             "emptied its error queue",
             f"it still reports {shortened(kept[-1])} after {MOST_KEPT_ERRORS} errors",
-            "look what the instrument shows, and switch it off and on",
+            "read the instrument's display, then switch it off and on",
         )
     return kept
 

@@ -88,7 +88,7 @@ class ModbusLine(ExchangePort):
 
     largest_bytes = 1024
     when_silent = "check that the instrument is on, its cable is seated, and its Modbus address"
-    when_wrong = "check the cable, the line's settings, and that nobody else asks as we do"
+    when_wrong = "check the cable, the line's settings, and that no other client polls it"
 
     def __init__(
         self,

@@ -79,7 +79,7 @@ class Commands:
             raise InstrumentError(
                 self._place.name,
                 f"started it at {rate_Hz:g} Hz",
-                f"it says that it outputs {reply['rate']:g} Hz",
+                f"it reports an output rate of {reply['rate']:g} Hz",
                 self._refusals["already_running"],
             )
 

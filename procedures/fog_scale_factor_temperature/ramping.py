@@ -110,7 +110,7 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
                 break
             raise ConditionNotReached(
                 f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:.3g} h after the end of the "
-                f"ramp {NAVIGATOR} says that the gyros stand at "
+                f"ramp {NAVIGATOR} reports the gyros at "
                 f"{', '.join(f'{gyro_degC:.1f}' for gyro_degC in gyros)} degC, not at "
                 f"{ramp.gyros_degC:g} degC, and {CHAMBER} that its air does at "
                 f"{work.chamber.temperature_degC():.1f} degC; take a range that they reach with "

@@ -153,7 +153,7 @@ def attach(folder: Path) -> int:
     except KeyboardInterrupt:
         return end(folder)
     if left:
-        tell(f"the run goes on; to come back: station attach {quote(str(folder))}")
+        tell(f"the run goes on; to attach again: station attach {quote(str(folder))}")
         return EXIT_DONE
     return how_it_ended(folder, viewer.failure)
 

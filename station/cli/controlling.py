@@ -60,7 +60,7 @@ class Waiting:
 
     def begin(self, told: Mapping[str, Any]) -> None:
         """Say what the run will do, and how long that takes."""
-        tell(f"{told['said']}; Ctrl-C here takes that back")
+        tell(f"{told['said']}; Ctrl-C here withdraws the request")
         tell(self.sentence())
 
     def go_on(self) -> None:
@@ -85,7 +85,7 @@ def pause_run(run: Path, *, as_json: bool) -> int:
     try:
         answer = ask(run, "pause", None, meanwhile=waiting.begin, waiting=waiting.go_on)
     except KeyboardInterrupt:
-        raise Aborted("the request to pause is taken back; the run goes on") from None
+        raise Aborted("the request to pause is withdrawn; the run goes on") from None
     outcome = str(answer.get("outcome"))
     devices: dict[str, str] = answer.get("devices") or {}
     exit_code = EXITS.get(outcome, EXIT_FAULT)
@@ -266,7 +266,7 @@ def say_how_it_ended(
         print(whole_bench(left_out) if ended else used)
     elif outcomes is None:
         tell(
-            "NOT VERIFIED: no word of how the bench was left; go to it now, and switch off by hand "
+            "NOT VERIFIED: how the bench was left is unknown; go to it now, and switch off by hand "
             "what is on"
         )
     for outcome in unverified:

@@ -57,7 +57,7 @@ Overrides = Annotated[
     ),
 ]
 NonInteractive = Annotated[
-    bool, typer.Option("--non-interactive", help="Ask nobody; CI=true implies it.")
+    bool, typer.Option("--non-interactive", help="Ask no questions; implied by CI=true.")
 ]
 Answers = Annotated[Path | None, typer.Option(help="YAML file of prompt ids and answers.")]
 Served = Annotated[

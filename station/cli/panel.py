@@ -49,8 +49,7 @@ def serve_panel(host: str, port: int, runs: Path, tokens_file: Path | None) -> N
         )
     except OSError as error:
         raise InputError(
-            f"nobody can listen at {shown}:{port} ({error.strerror or error}); "
-            "choose another --port"
+            f"cannot listen at {shown}:{port} ({error.strerror or error}); choose another --port"
         ) from error
     tell(f"panel: http://{shown}:{port}/ (Ctrl-C ends it; runs go on without it)")
     if host not in LOOPBACK:

@@ -93,8 +93,8 @@ def request_of(
     bench = read_bench_named(bench_name)
     if rehearse and bench.simulation is None and served is None:
         raise InputError(
-            f"--rehearse is for a simulated bench, where nobody would be asked; {bench.name} is a "
-            "real one, and asks in every run"
+            "--rehearse is for a simulated bench, where no operator would be asked; "
+            f"{bench.name} is a real one, and asks in every run"
         )
     plan = read_plan_for(plan_name, bench, overrides)
     announce = announcement()

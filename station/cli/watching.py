@@ -51,7 +51,7 @@ def watch_status(folder: Path, wait: Callable[[], None] = pause_between_looks) -
     try:
         show(folder, wait)
     except KeyboardInterrupt:
-        tell("\nnobody watches here any more; the run is not touched")
+        tell("\nstopped watching; the run is not affected")
 
 
 def watch_on_screen(folder: Path, wait: Callable[[], None]) -> None:

@@ -73,7 +73,7 @@ class Quiet:
     for_s: float
 
     def __str__(self) -> str:
-        return f"{self.name} gave no sign of life for {self.for_s:.0f} s"
+        return f"{self.name} did not respond for {self.for_s:.0f} s"
 
 
 class Pulses:

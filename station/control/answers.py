@@ -64,7 +64,7 @@ class Desk:
                 self._asked, answer = None, self._answer
         if answer is None:
             raise Aborted(
-                f"nobody answered the prompt {prompt.id} of this detached run within "
+                f"no answer came to the prompt {prompt.id} of this detached run within "
                 f"{span(self._within_s)}"
             )
         return answer
@@ -75,7 +75,8 @@ class Desk:
         with self._lock:
             asked = self._asked
             if asked is None or prompt_id != asked.id or self._answer is not None:
-                incoming.answer(outcome="refused", said=f"the prompt {prompt_id} waits no more")
+                said = f"the prompt {prompt_id} no longer waits for an answer"
+                incoming.answer(outcome="refused", said=said)
             elif (answer := asked.meaning(text)) is None:
                 incoming.answer(outcome="no-answer", said=asked.hint)
             else:

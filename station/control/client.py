@@ -22,7 +22,7 @@ LOOKS_EVERY_S = 0.05
 ANSWERS_WITHIN_S = 5.0
 """Until it says anything at all; the last word may take a unit of work."""
 LISTENS_TO_NOBODY = (
-    "a process is at work on it but listens to nobody here: it is past its last step, or was "
+    "a process is at work on it but does not listen here: it is past its last step, or was "
     "started by another user or on another computer; use Ctrl-C in its own terminal"
 )
 
@@ -69,7 +69,7 @@ def ask(
         except (EOFError, OSError) as error:
             raise NoAnswer(
                 f"{folder}: the run's process ended before it answered; `station status {folder}` "
-                "says how it stands"
+                "shows its state"
             ) from error
 
 

@@ -259,7 +259,7 @@ class Control:
                     pausing = any(not wish.withdrawn for wish in self._waiting)
                     incoming.answer(outcome="live", pause_requested=pausing, **self.live())
                 case other:
-                    incoming.answer(outcome="unknown", said=f"nobody knows how to {other!r}")
+                    incoming.answer(outcome="unknown", said=f"unknown request {other!r}")
 
     def _wish_to_abort(self, incoming: Incoming) -> None:
         if self._ending:

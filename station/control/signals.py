@@ -56,7 +56,7 @@ def wishes_held() -> Iterator[None]:
     """Let no wish cut short what takes moments and leaves a folder half done."""
 
     def heard(number: int, frame: FrameType | None) -> None:
-        tell(f"{signal.Signals(number).name}: the results are being written, a moment")
+        tell(f"{signal.Signals(number).name}: the results are being written; wait")
         if number == signal.SIGINT:  # the bench is safe: nobody has to wait for a disk that hangs
             signal.signal(number, signal.default_int_handler)
 

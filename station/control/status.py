@@ -287,7 +287,7 @@ def in_words(event: Event) -> str:
         case "run-ended":
             if details.get("complete"):
                 return "all steps are done"
-            return "no word of why it ended, as where its disk was full: look at the bench"
+            return "why it ended is unknown; its disk may be full: look at the bench"
         case "safe-state":
             left = [
                 outcome["instrument"]

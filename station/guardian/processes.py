@@ -160,7 +160,7 @@ class Partner:
             late = self._silence.seconds >= READY_WITHIN_S
             return f"was not ready within {READY_WITHIN_S:g} s" if late else None
         silent = self._silence.seconds >= SILENT_FOR_S
-        return f"gave no sign of life for {SILENT_FOR_S:g} s" if silent else None
+        return f"did not respond for {SILENT_FOR_S:g} s" if silent else None
 
     def end(self, within_s: float = 0.0) -> None:
         """Let it end, kill it where it does not, and wait for that, but not for ever."""

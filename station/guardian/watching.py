@@ -91,7 +91,7 @@ class Peer:
 
 
 CHANNEL_ENDED = "the run's process ended before it had made the bench safe"
-STANDS_STILL = f"the run's process gave no sign of life for {SILENT_FOR_S:g} s of real time"
+STANDS_STILL = f"the run's process did not respond for {SILENT_FOR_S:g} s of real time"
 FIRST_IS_GONE = "the first guardian of the run does not act"
 
 

@@ -76,7 +76,7 @@ class Place:
 
     def _put(self, prompt_id: str, text: str, at_the_end: bool) -> str:
         if self.asker is None:
-            raise InputError(f"{self.name}: nobody can be asked here: {text}")
+            raise InputError(f"{self.name}: no operator can be asked: {text}")
         return self.asker(prompt_id, text, at_the_end)
 
 
@@ -160,7 +160,7 @@ def open_one(
         return Probe(
             name,
             False,
-            f"{name}: serial number {identity.serial} answers at {address}, the bench file says "
+            f"{name}: serial number {identity.serial} answers at {address}, the bench file states "
             f"{entry.serial}; connect the right instrument or correct the bench file",
             identified,
         )

@@ -60,7 +60,7 @@ class Notices:
                 start_new_session=True,
             )
         except (OSError, ValueError) as error:
-            tell(f"WARNING: nobody is notified: {self._command[0]}: {error}")
+            tell(f"WARNING: no notification was sent: {self._command[0]}: {error}")
             return
         Thread(target=watch, args=(process,), name="notice ends", daemon=True).start()
 

@@ -110,7 +110,7 @@ class Operator:
         if missing:
             listed = "".join(f"\n  {prompt.id}: {DONE}    # {prompt.text}" for prompt in missing)
             raise UnansweredPrompt(
-                "nobody can be asked here, nothing was energised; give these entries in a YAML "
+                "no operator can be asked, nothing was energised; give these entries in a YAML "
                 f"file with --answers FILE:{listed}"
             )
 

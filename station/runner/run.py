@@ -33,7 +33,7 @@ State = TypeVar("State")
 Result = TypeVar("Result")
 WAIT_SLICE_S = 1.0
 SENTENCES = {
-    "line-resynchronised": "something came that was not asked for; its line was brought into step",
+    "line-resynchronised": "something came that was not asked for; its line was resynchronised",
     "line-reopened": "its line broke; it is opened again",
     "switched-off-at-once": "it did not do what it was asked; it was sent the command to switch "
     "off, without a ramp",

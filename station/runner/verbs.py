@@ -183,7 +183,7 @@ def fetch_bursts(
     every_s: float = LOOK_S,
     meanwhile: Callable[[], object] = lambda: None,
     doing: str = "",
-    look_at: str = "look at its display: it may wait for a trigger that nobody gives",
+    look_at: str = "look at its display: it may wait for a trigger that does not come",
 ) -> Iterator[tuple[str, Block]]:
     """Yield each burst that was started, by instrument, once it is there; none is asked before.
 

@@ -43,7 +43,7 @@ STEPS, SAFE_STATE = "the run's steps", "the safe state"
 
 
 class StoodStill(StationError):
-    """A thread of the run gave no sign of life for longer than it may."""
+    """A thread of the run did not respond for longer than it may."""
 
 
 class Stillness:

@@ -103,7 +103,7 @@ def test_a_closed_port_says_that_nobody_answers() -> None:
     sentence(raised, "coil_supply.x", "Connection refused", "check")
     with pytest.raises(InstrumentError) as raised:
         board(wire)
-    sentence(raised, "gyro_acquisition", "nobody answers there", "Connection refused")
+    sentence(raised, "gyro_acquisition", "nothing answers there", "Connection refused")
 
 
 def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
@@ -202,7 +202,7 @@ def test_what_is_no_can_daemon_is_told_when_the_line_opens(daemon: type[Daemon])
     with daemon(()) as wire:
         with pytest.raises(InstrumentError) as raised:
             board(wire)
-        sentence(raised, "gyro_acquisition", "nobody answers there", "start socketcand")
+        sentence(raised, "gyro_acquisition", "nothing answers there", "start socketcand")
 
 
 CAN_FAULTS = {

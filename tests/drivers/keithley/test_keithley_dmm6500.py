@@ -158,7 +158,7 @@ def test_another_command_set_is_stated_and_nothing_is_set(language: str) -> None
 
 
 def test_other_mains_than_the_bench_file_states_are_refused() -> None:
-    stated = "it found 50 Hz, the bench file says 60 Hz"
+    stated = "it measured 50 Hz, the bench file states 60 Hz"
     with (
         meter(line_frequency="60 Hz") as (_, driver),
         pytest.raises(InstrumentError, match=stated),

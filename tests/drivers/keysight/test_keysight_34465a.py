@@ -139,7 +139,7 @@ def test_auto_zero_is_a_setting_of_the_bench(fixture: Fixture) -> None:
 
 def test_other_mains_than_the_bench_file_says_are_told(fixture: Fixture) -> None:
     meter = Keysight34465A(fixture.place(line_frequency="60 Hz"))
-    with pytest.raises(InstrumentError, match="it found 50 Hz, the bench file says 60 Hz"):
+    with pytest.raises(InstrumentError, match="it measured 50 Hz, the bench file states 60 Hz"):
         meter.configure(1.0, 10)
     meter.close()
 

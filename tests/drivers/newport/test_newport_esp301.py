@@ -428,7 +428,7 @@ def test_wrong_settings_are_told(wrong: dict[str, Any]) -> None:
 
 def test_nobody_there_is_told_in_time() -> None:
     place = Place(STAGE, "socket://127.0.0.1:1", RealClock(), {}, LIMITS)
-    with pytest.raises(InstrumentError, match="nobody answers there"):
+    with pytest.raises(InstrumentError, match="nothing answers there"):
         NewportEsp301(place)
 
 

@@ -173,7 +173,7 @@ def test_settings_of_an_adapter_make_no_other_bus() -> None:
 
 
 def test_an_adapter_that_is_not_there_is_named() -> None:
-    with pytest.raises(InstrumentError, match=r"nobody answers there .slcan: .*check the adapter"):
+    with pytest.raises(InstrumentError, match=r"nothing answers there .slcan: .*check the adapter"):
         CanLine(Place("board", "can://slcan//nowhere/ttyACM9", RealClock()), {})
 
 

@@ -287,10 +287,10 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
 @pytest.mark.parametrize(
     ("address", "why"),
     [
-        ("modbus-tcp://", "nobody answers there"),
-        ("modbus-tcp://127.0.0.1:1", "nobody answers there"),
-        ("socket://nowhere", "nobody answers there"),
-        ("", "nobody answers there"),
+        ("modbus-tcp://", "nothing answers there"),
+        ("modbus-tcp://127.0.0.1:1", "nothing answers there"),
+        ("socket://nowhere", "nothing answers there"),
+        ("", "nothing answers there"),
         ("/dev/none", "this computer has no serial port /dev/none"),
     ],
 )

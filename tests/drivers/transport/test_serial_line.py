@@ -89,7 +89,7 @@ def test_what_is_no_answer_is_told_and_forgotten(answer: bytes | None, says: str
 
 def test_nobody_at_the_port_is_told() -> None:
     clock = RealClock()
-    with pytest.raises(InstrumentError, match="nobody answers there"):
+    with pytest.raises(InstrumentError, match="nothing answers there"):
         SerialLine(place(clock, f"socket://127.0.0.1:{closed_port()}"), SETTINGS)
     with pytest.raises(InstrumentError, match="write socket://host:port"):
         SerialLine(place(clock, "socket://127.0.0.1"), SETTINGS)

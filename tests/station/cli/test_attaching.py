@@ -84,7 +84,7 @@ def test_keys_from_before_a_prompt_was_read_answer_nothing(tmp_path: Path) -> No
         assert answers(run) == []
         terminal.type("d\n")
         assert terminal.ended() == 0
-        terminal.wait_for("the run goes on; to come back")
+        terminal.wait_for("the run goes on; to attach again")
         assert read_status(run).running
 
 
@@ -146,7 +146,7 @@ def asked(desk: Desk, prompt_id: str, text: str) -> str:
 
 
 def test_a_prompt_that_nobody_answers_ends_the_run() -> None:
-    with pytest.raises(Aborted, match="nobody answered the prompt mount"):
+    with pytest.raises(Aborted, match="no answer came to the prompt mount"):
         Desk(RealClock(), within_s=0.2).ask(MOUNT)
 
 

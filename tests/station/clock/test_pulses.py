@@ -19,7 +19,7 @@ def test_who_gives_no_sign_for_too_long_is_named_and_for_how_long() -> None:
     pulses.add(reader)
     assert looked_at(pulses, 0.0, 1.0, 2.0) == [[], [], []]
     assert looked_at(pulses, 2.5) == [["the steps"]]
-    assert str(pulses.look(3.0)[0]) == "the steps gave no sign of life for 3 s"
+    assert str(pulses.look(3.0)[0]) == "the steps did not respond for 3 s"
     steps.beat()
     assert looked_at(pulses, 4.0, 5.0, 5.5) == [[], [], ["the reader"]]
     reader.end()

@@ -489,7 +489,7 @@ def test_ctrl_c_at_a_pause_says_that_the_run_goes_on(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(controlling, "ask", pressed)
-    with pytest.raises(Aborted, match="taken back; the run goes on"):
+    with pytest.raises(Aborted, match="withdrawn; the run goes on"):
         controlling.pause_run(tmp_path, as_json=False)
 
 

@@ -213,4 +213,4 @@ def test_a_run_that_stands_still_is_ended_and_its_bench_made_safe(
     assert run.process.returncode == -signal.SIGKILL
     assert bench.at_rest("z")
     assert verified_after_s(run, bench, stopped_s) < 7.0 + HALF_PERIOD_S + SETTLES_S
-    assert "gave no sign of life for 5 s" in said
+    assert "did not respond for 5 s" in said

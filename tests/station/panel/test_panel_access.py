@@ -256,6 +256,6 @@ def test_a_port_that_is_taken_is_named_before_the_panel_says_where_it_is(
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match="nobody can listen at"):
+        with pytest.raises(InputError, match="cannot listen at"):
             serve_panel("127.0.0.1", port, tmp_path, None)
     assert "http://" not in capsys.readouterr().err

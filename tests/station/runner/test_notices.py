@@ -52,7 +52,7 @@ def test_a_prompt_is_passed_on_without_a_wait(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (("/no/such/program",), "nobody is notified: /no/such/program"),
+        (("/no/such/program",), "no notification was sent: /no/such/program"),
         ((sys.executable, "-c", "raise SystemExit(3)"), "the program of `notify` ended with 3"),
         ((sys.executable, "-c", "import time; time.sleep(900)"), "ended with -9"),
     ],

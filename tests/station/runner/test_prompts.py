@@ -100,7 +100,7 @@ def test_a_rehearsal_asks_what_a_real_bench_asks_and_then_the_world_acts(
 
 def test_a_rehearsal_without_a_person_needs_answers() -> None:
     acts: list[str] = []
-    with pytest.raises(UnansweredPrompt, match="nobody can be asked"):
+    with pytest.raises(UnansweredPrompt, match="no operator can be asked"):
         rehearsed({}, interactive=False, acts=acts).check([MOUNT])
     answered = rehearsed({"mount": "done"}, interactive=False, acts=acts)
     answered.check([MOUNT])
