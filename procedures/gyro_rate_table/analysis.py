@@ -91,7 +91,7 @@ def _estimates(
             continue
         value, depends = measured.value, {}
         if name == "scale_factor":
-            depends = {"clock": value, "alignment": value, "angle": -value, "pulse_weight": value}
+            depends = {"clock": value, "alignment": value, "pulse_weight": value}
         if name == "bias":
             assert results is not None
             scale = results.scale_factor.value if results.scale_factor else 1.0

@@ -1,4 +1,4 @@
-"""From data to findings: an imported dataset, its analysis, and the type B inputs."""
+"""From data to findings: imported or recorded turns, their analysis, and the type B inputs."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ from typing import TYPE_CHECKING
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
+from .dataset import AnalysisSettings
 from .from_import import dataset_of_import
+from .from_record import dataset_of_run
+from .parameters import RateTableParameters
+from .work import GYRO
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
+    from station.record.folder import RunFolder
 
 PPM = 1e-6
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
@@ -26,6 +32,19 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     if conditions.gyro_output == "rate":
         inputs += clock_input(conditions.clock_ppm, source)
     return findings_of(analyse(dataset), dataset, inputs)
+
+
+def findings_of_run(folder: RunFolder, parameters: RateTableParameters, bench: Bench) -> Findings:
+    """Return what a run's finished switch-ons say, type B inputs from plan and bench file.
+
+    Pulses over an angle need no clock; the encoder's error is in the records' own uncertainty.
+    """
+    dataset = dataset_of_run(folder, parameters, bench)
+    settings = AnalysisSettings(**dict(parameters.thresholds))
+    inputs = list(mounting_inputs(parameters.alignment_arcmin, parameters.level_arcmin, "the plan"))
+    about = "weight of a pulse"
+    inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", about, relative=True)
+    return findings_of(analyse(dataset, settings), dataset, inputs)
 
 
 def clock_input(u_ppm: float, source: str) -> Iterator[InputQuantity]:

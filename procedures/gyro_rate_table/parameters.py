@@ -2,6 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from station.fields import StrictModel, Unit
+from station.findings import FlagThresholds
+
 UNITS = {
     "scale_factor": "1",
     "nonlinearity": "ppm",
@@ -10,3 +19,82 @@ UNITS = {
     "scale_factor_repeatability": "ppm",
     "bias": "deg/h",
 }
+
+FULL_TURN_DEG = 360.0
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One record: a rate, positive counter-clockwise seen from above, 0 standing; its length."""
+
+    rate_deg_per_s: float
+    record_s: float
+
+    @property
+    def words(self) -> str:
+        """What an operator reads of it."""
+        return f"{self.rate_deg_per_s:+g} deg/s" if self.rate_deg_per_s else "standing"
+
+
+class Thresholds(StrictModel):
+    """Where a flag is raised; the defaults are those of the result format."""
+
+    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    outlier: Annotated[float, Field(gt=1)] = FlagThresholds.outlier
+    drift_removed: Annotated[float, Field(gt=0)] = 3.0
+
+
+class RateTableParameters(StrictModel):
+    """What the engineer chooses."""
+
+    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    rates_deg_per_s: Annotated[
+        tuple[Annotated[float, Unit("deg/s"), Field(gt=0)], ...], Field(min_length=2)
+    ] = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+    record_s: Annotated[float, Unit("s"), Field(gt=0)] = 40.0
+    stand_s: Annotated[float, Unit("s"), Field(gt=0)] = 120.0
+    settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 5.0
+    switch_ons: Annotated[int, Field(ge=1, le=20)] = 3
+    warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
+    cool_s: Annotated[float, Unit("s"), Field(ge=0)] = 3600.0
+    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0, le=10)] = 1.0
+    reading_interval_s: Annotated[float, Unit("s"), Field(ge=0.1, le=10)] = 1.0
+    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)]
+    channel: Annotated[int, Field(ge=1, le=3)] = 1
+    levelled_by: Literal["table", "person"] = "table"
+    table_axis: Annotated[int, Field(ge=1, le=3)] = 1
+    alignment_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] = 3.0
+    level_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] = 1.0
+    angle_random_walk_deg_per_sqrt_h: Annotated[float, Unit("deg/sqrt(h)"), Field(gt=0)] = 0.001
+    thresholds: Thresholds = Thresholds()
+
+    @field_validator("rates_deg_per_s")
+    @classmethod
+    def each_once(cls, rates: tuple[float, ...]) -> tuple[float, ...]:
+        """Refuse a rate that stands twice."""
+        for place, rate in enumerate(rates):
+            if any(math.isclose(rate, other, rel_tol=1e-9) for other in rates[:place]):
+                raise ValueError(f"{rate:g} deg/s stands twice")
+        return rates
+
+    @property
+    def turns(self) -> tuple[Turn, ...]:
+        """The records of one switch-on in their order: standing, each rate both ways, standing."""
+        standing = Turn(0.0, self.stand_s)
+        turning = tuple(
+            Turn(sense * rate, self.record_s_at(rate))
+            for rate in self.rates_deg_per_s
+            for sense in (1.0, -1.0)
+        )
+        return (standing, *turning, standing)
+
+    def record_s_at(self, rate_deg_per_s: float) -> float:
+        """Return how long whole turns take that last `record_s` or more."""
+        turns = math.ceil(self.record_s * rate_deg_per_s / FULL_TURN_DEG - 1e-9)
+        return turns * FULL_TURN_DEG / rate_deg_per_s
+
+
+def unit_of(number: int) -> str:
+    """Return the name of a switch-on's unit of work, counted from 1."""
+    return f"switch-on {number}"

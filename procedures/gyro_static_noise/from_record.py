@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.estimation.alignment import align, unwrapped
+from procedures.estimation.pulses import pulses_of
 
 from .dataset import Direction, Record, StaticDataset
 from .parameters import StaticParameters
@@ -29,8 +30,7 @@ def dataset_of_run(folder: RunFolder, parameters: StaticParameters, bench: Bench
     for unit, details in folder.finished_units().items():
         rows = folder.rows(GYRO, unit)
         number = unwrapped(rows["sequence"])
-        pulses = np.diff(rows["counts"].astype(np.int64))
-        pulses = np.mod(pulses + 2**31, 2**32) - 2**31  # the board's counter is 32 bits wide
+        pulses = pulses_of(rows["counts"])
         whole = np.diff(number) == 1
         middle_s = align(number, rows["arrival_time_s"], interval_s).run_time_s(number[1:] - 0.5)
         rate = pulses * pulse / interval_s

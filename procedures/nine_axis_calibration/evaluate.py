@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.alignment import align, unwrapped
+from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
 
 from .all_axes.results import OtherResults, results_of
 from .analysis import analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
-from .encoder import SHORT_S, track
 from .from_import import dataset_of_import
 from .measuring import (
     ACCELEROMETER_BITS,

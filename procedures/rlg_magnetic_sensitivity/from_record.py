@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.alignment import Alignment, align_pieces, unwrapped
+from procedures.estimation.pulses import pulses_of
 
 from . import coils
 from .averaged import GyroMeans, averaged, averaged_duration_s, averaged_field, averaged_gyro
@@ -80,8 +81,7 @@ def gyro_record(
 
     def rates() -> Iterator[tuple[Array, Array]]:
         for number, counts, _ in numbered(folder, unit):
-            pulses = np.diff(counts)
-            pulses = np.mod(pulses + 2**31, 2**32) - 2**31  # the board's counter is 32 bits wide
+            pulses = pulses_of(counts)
             whole = np.diff(number) == 1
             if samples is not None:
                 whole &= number[1:] <= samples

@@ -78,6 +78,15 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.cool=1 min",
         "limits.bias_repeatability=null",
     ),
+    "gyro-rate-table": (
+        "parameters.rates=[50 deg/s, 100 deg/s]",
+        "parameters.record=20 s",
+        "parameters.stand=15 s",
+        "parameters.settle=1 s",
+        "parameters.switch_ons=2",
+        "parameters.warm_up=1 min",
+        "parameters.cool=1 min",
+    ),
     "commissioning": only("coils"),
 }
 """What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.nine_axis_calibration.encoder import track
+from procedures.estimation.turn_track import track
 
 
 def readings(
