@@ -123,7 +123,7 @@ def _turns(records: Sequence[Kept], settings: AnalysisSettings) -> list[Flag]:
         flags.append(Flag("one-sense-only", said, "IA", {"rates": single}))
     count = len({abs(one) for one in senses})
     if 0 < count < FEWEST_RATES:
-        said = f"The gyro was turned at {counted(count, 'rate')}; the standard asks for seven."
+        said = f"The gyro was turned at {counted(count, 'rate')}; seven and more are usual."
         flags.append(Flag("outside-published-range", said, "IA", {"count": count}))
     return flags
 

@@ -23,6 +23,7 @@ RATES = ("parameters", "rates")
 UP_SENSE = -1.0
 """Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
 USUAL_ACCELERATION_DEG_PER_S2 = 50.0
+CLOSE_S = 10.0
 REACHING_S, MORE_INTERVALS = 3.0, 3
 """Time until a rate or rest is reached beside the ramps; intervals recorded beyond whole turns."""
 
@@ -84,7 +85,8 @@ def turn_s(parameters: RateTableParameters, turn: Turn) -> float:
 
 
 def work(parameters: RateTableParameters) -> Iterator[Work]:
-    """Yield each switch-on with its records, and the end."""
+    """Yield the table made level, each switch-on with its records, and the end."""
+    yield Work(FIRST, None, to_level(parameters), (), CLOSE_S)
     turning_s = sum(turn_s(parameters, turn) for turn in parameters.turns)
     spins = tuple(spin(parameters, turn) for turn in parameters.turns if turn.rate_deg_per_s)
     for number in range(1, parameters.switch_ons + 1):
@@ -99,7 +101,7 @@ def work(parameters: RateTableParameters) -> Iterator[Work]:
         yield Work(
             FIRST if number == 1 else AGAIN,
             unit_of(number),
-            (*powered, *to_level(parameters), sampling(parameters), *spins),
+            (*powered, sampling(parameters), *spins),
             rows,
             before_s + turning_s,
         )

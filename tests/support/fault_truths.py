@@ -104,7 +104,7 @@ def nine_axis_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> floa
         return None
     if result["name"] != "scale_factor":
         return number(own[result["name"]])
-    return nine_axis_scale_factor(own, short_rates())
+    return nine_axis_scale_factor(own, short_rates("nine-axis-calibration"))
 
 
 def nine_axis_scale_factor(gyro: Mapping[str, Any], rates: Sequence[float]) -> float:
@@ -115,10 +115,10 @@ def nine_axis_scale_factor(gyro: Mapping[str, Any], rates: Sequence[float]) -> f
 
 
 @lru_cache
-def short_rates() -> tuple[float, ...]:
-    """Return the rates of the short form of the nine-axis plan, in deg/s."""
+def short_rates(plan: str) -> tuple[float, ...]:
+    """Return the rates of the short form of a plan, in deg/s."""
     bench = read_bench_at(find(BENCHES, BENCH))
-    rates: tuple[float, ...] = short("nine-axis-calibration", bench).parameters.rates_deg_per_s
+    rates: tuple[float, ...] = short(plan, bench).parameters.rates_deg_per_s
     return rates
 
 
@@ -140,6 +140,23 @@ def static_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float |
     return math.hypot(rounding, number(gyro["dither_residual"]))
 
 
+def rate_table_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return scale factor or asymmetry of the simulated gyro at the rates of the short plan.
+
+    K is the slope of the line through its response.
+    """
+    gyro = bench["simulation"]["rate_table"]
+    if result["name"] == "asymmetry":
+        return number(gyro["asymmetry"])
+    if result["name"] != "scale_factor":
+        return None
+    ripple, period = (number(gyro["ripple"][key]) for key in ("amplitude", "period"))
+    rates = short_rates("gyro-rate-table")
+    weight = sum(rate**2 for rate in rates)
+    swing = sum(rate**2 * math.sin(2.0 * math.pi * rate / period) for rate in rates) / weight
+    return (1.0 + 1e-6 * number(gyro["scale_factor_error"])) * (1.0 + 1e-6 * ripple * swing)
+
+
 TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
     "rlg-magnetic-sensitivity": rlg_truth,
     "accelerometer-magnetic-sensitivity": accelerometer_truth,
@@ -148,6 +165,7 @@ TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | No
     "nine-axis-calibration": nine_axis_truth,
     "commissioning": commissioning_truth,
     "gyro-static-noise": static_truth,
+    "gyro-rate-table": rate_table_truth,
 }
 """What a result of a procedure should be; None where the world has no one number for it."""
 
