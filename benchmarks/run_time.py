@@ -6,6 +6,9 @@ python benchmarks/run_time.py --plan accelerometer-magnetic-sensitivity \
     --set parameters.repeats=1
 python benchmarks/run_time.py --plan fog-scale-factor-temperature --runs 1
 python benchmarks/run_time.py --plan nine-axis-calibration
+python benchmarks/run_time.py --plan nine-axis-calibration --own-threads
+
+`--own-threads` has each simulated instrument answer in its own thread, never in the one that asks.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import time
 from pathlib import Path
 
 from station import registry
+from station.clock.virtual_wire import VirtualWire
 from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
@@ -31,7 +35,10 @@ def main() -> None:
     parser.add_argument("--bench", default="sim")
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--set", action="append", default=[], dest="overrides")
+    parser.add_argument("--own-threads", action="store_true")
     arguments = parser.parse_args()
+    if arguments.own_threads:
+        setattr(VirtualWire, "attend", lambda wire, attendant: False)  # noqa: B010
     for number in range(arguments.runs):
         with tempfile.TemporaryDirectory() as parent:
             path = find(PLANS, arguments.plan)
@@ -45,6 +52,7 @@ def main() -> None:
         line = {
             "benchmark": "run_time",
             "plan": arguments.plan,
+            "own_threads": arguments.own_threads,
             "run": number,
             "exit_code": outcome.exit_code,
             "units": units,

@@ -46,17 +46,17 @@ def analyse(dataset: StaticDataset, settings: AnalysisSettings = SETTINGS) -> St
     flags: list[Flag] = []
     axes = []
     for number, axis in enumerate(dataset.directions):
-        one = _axis(dataset, number, axis, settings)
-        estimates += _estimates(dataset, one)
-        if one.curve is not None:
-            published += published_values(axis, one.curve, one.means)
-        flags += data_flags(dataset, one, settings)
-        flags += noise_flags(one, settings)
-        axes.append(one)
+        analysed = _axis(dataset, number, axis, settings)
+        estimates += _estimates(dataset, analysed)
+        if analysed.curve is not None:
+            published += published_values(axis, analysed.curve, analysed.means)
+        flags += data_flags(dataset, analysed, settings)
+        flags += noise_flags(analysed, settings)
+        axes.append(analysed)
     gaps = sum(
         (
-            gaps_of(one.time_s, dataset.sample_interval_s, settings.gap)
-            for one in dataset.records[1:]
+            gaps_of(record.time_s, dataset.sample_interval_s, settings.gap)
+            for record in dataset.records[1:]
         ),
         gaps_of(dataset.records[0].time_s, dataset.sample_interval_s, settings.gap)
         if dataset.records
@@ -73,70 +73,73 @@ def _axis(
     interval_s = dataset.sample_interval_s
     screened = tuple(
         screen(
-            one.time_s,
-            one.rate_deg_per_h[:, number],
+            record.time_s,
+            record.rate_deg_per_h[:, number],
             interval_s,
             dataset.quantum_deg_per_h,
             settings.outlier,
         )
-        for one in dataset.records
+        for record in dataset.records
     )
-    screened = tuple(one for one in screened if len(one.there))
-    means = np.array([float(one.there.mean()) for one in screened])
-    rates = noise_records([piece for one in screened for piece in one.pieces()])
+    screened = tuple(screening for screening in screened if len(screening.there))
+    means = np.array([float(screening.there.mean()) for screening in screened])
+    rates = noise_records([piece for screening in screened for piece in screening.pieces()])
     pieces = Pieces(rates, interval_s, dataset.pulse_arcsec, dataset.output_bandwidth_Hz)
     fit = fit_noise(pieces, settings.periodic_chance)
     if fit is None:
         return AxisAnalysis(axis, screened, means, None, None, None)
-    longest_s = max(len(one) for one in fit.pieces) * interval_s
+    longest_s = max(len(piece) for piece in fit.pieces) * interval_s
     minimum = allan_minimum(fit.theta, fit.covariance, interval_s, longest_s)
     return AxisAnalysis(axis, screened, means, fit, minimum, curve_of(fit.pieces, interval_s))
 
 
-def _estimates(dataset: StaticDataset, one: AxisAnalysis) -> list[Estimate]:
+def _estimates(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Estimate]:
     """Return one estimate for each result of an axis, in the order of the contract."""
-    found: dict[str, tuple[Measured, dict[str, Any]]] = {}
-    theta = None if one.fit is None else one.fit.theta
-    if one.fit is not None:
-        first = 0 if one.fit.quantisation_seen else 1
+    by_name: dict[str, tuple[Measured, dict[str, Any]]] = {}
+    theta = None if analysed.fit is None else analysed.fit.theta
+    if analysed.fit is not None:
+        first = 0 if analysed.fit.quantisation_seen else 1
         for n in range(first, len(COEFFICIENTS)):
-            square, u = float(one.fit.theta[n]), float(one.fit.u[n])
+            square, u = float(analysed.fit.theta[n]), float(analysed.fit.u[n])
             measured = root(square, u)
-            interval = [float(x) for x in np.sqrt(one.fit.intervals[n]) * FACTORS[n]]
+            interval = [float(x) for x in np.sqrt(analysed.fit.intervals[n]) * FACTORS[n]]
             upper = float(np.sqrt(square + 1.645 * u) * FACTORS[n])
             scaled = Measured(measured.value * FACTORS[n], measured.u * FACTORS[n])
-            found[COEFFICIENTS[n]] = scaled, {"upper_limit": upper, "interval": interval}
-        found["rate_ramp"] = Measured(one.fit.ramp, one.fit.ramp_u), {}
-        if (minimum := one.minimum) is not None:
-            found["allan_minimum"] = minimum.measured, {"tau_s": minimum.tau_s}
-        stability = stability_of(one.fit.pieces, dataset.sample_interval_s, one.fit.theta)
+            by_name[COEFFICIENTS[n]] = scaled, {"upper_limit": upper, "interval": interval}
+        by_name["rate_ramp"] = Measured(analysed.fit.ramp, analysed.fit.ramp_u), {}
+        if (minimum := analysed.minimum) is not None:
+            by_name["allan_minimum"] = minimum.measured, {"tau_s": minimum.tau_s}
+        stability = stability_of(analysed.fit.pieces, dataset.sample_interval_s, analysed.fit.theta)
         if stability is not None:
-            found["bias_stability"] = stability, {}
-    lengths_s = np.array([len(s.there) for s in one.screened]) * dataset.sample_interval_s
-    if len(one.means):
-        bias = bias_of(one.means, float(lengths_s[0]), theta)
+            by_name["bias_stability"] = stability, {}
+    lengths_s = np.array([len(s.there) for s in analysed.screened]) * dataset.sample_interval_s
+    if len(analysed.means):
+        bias = bias_of(analysed.means, float(lengths_s[0]), theta)
         if bias is not None:
-            found["bias"] = bias, {}
-        repeats = repeatability_of(one.means, lengths_s, theta)
+            by_name["bias"] = bias, {}
+        repeats = repeatability_of(analysed.means, lengths_s, theta)
         if repeats is not None:
-            found["bias_repeatability"] = repeats, {"switch_ons": len(one.means)}
+            by_name["bias_repeatability"] = repeats, {"switch_ons": len(analysed.means)}
     estimates = []
     for name, unit in UNITS.items():
         method = METHODS.get(name, "maximum-likelihood")
-        if name not in found:
-            estimates.append(undetermined(name, one.axis, unit, method))
+        if name not in by_name:
+            estimates.append(undetermined(name, analysed.axis, unit, method))
             continue
-        measured, extra = found[name]
+        measured, extra = by_name[name]
         value = measured.value
         # As read: the earth's rate is in it. Rates go with the pulse and against the time.
         depends = {"pulse_weight": value, "clock": -value}
         if name == "bias":
-            direction = dataset.directions[one.axis]
+            direction = dataset.directions[analysed.axis]
             value -= direction.earth_deg_per_h(dataset.latitude_rad)
             azimuth, elevation = direction.sensitivities(dataset.latitude_rad)
-            depends |= {f"azimuth_{one.axis}": -azimuth, f"elevation_{one.axis}": -elevation}
+            depends |= {
+                f"azimuth_{analysed.axis}": -azimuth,
+                f"elevation_{analysed.axis}": -elevation,
+            }
         freedom = measured.degrees_of_freedom
         estimates.append(
-            Estimate(name, one.axis, value, unit, measured.u, freedom, method, depends, extra)
+            Estimate(name, analysed.axis, value, unit, measured.u, freedom, method, depends, extra)
         )
     return estimates

@@ -25,37 +25,37 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     analysis: StaticAnalysis = findings.detail.analysis
     dataset: StaticDataset = findings.detail.dataset
     parts: list[Part] = []
-    for one in analysis.axes:
-        if one.fit is not None:
+    for analysed in analysis.axes:
+        if analysed.fit is not None:
             parts += [
                 Plot(
-                    f"Allan deviation, {one.axis}",
+                    f"Allan deviation, {analysed.axis}",
                     "Points: overlapping Allan deviation of the longest records; bars are 2 u in "
                     "white noise, at a third of the record they are wide. Line: the fitted noise; "
                     "broken lines: its parts. The curve holds ramp and periodic lines, the model "
                     "does not.",
-                    _allan(one),
+                    _allan(analysed),
                 ),
                 Plot(
-                    f"Record at rest, {one.axis}",
+                    f"Record at rest, {analysed.axis}",
                     "Means of neighbouring samples of the records that give the noise.",
-                    _records(one, dataset.sample_interval_s),
+                    _records(analysed, dataset.sample_interval_s),
                 ),
             ]
-        if len(one.means):
-            parts.append(_switch_ons(one, dataset))
+        if len(analysed.means):
+            parts.append(_switch_ons(analysed, dataset))
     return tuple(parts)
 
 
-def _allan(one: AxisAnalysis) -> Figure:
-    assert one.fit is not None and one.curve is not None
+def _allan(analysed: AxisAnalysis) -> Figure:
+    assert analysed.fit is not None and analysed.curve is not None
     figure = new_figure()
     axes = figure.add_subplot()
-    tau, measured = one.curve.tau_s, one.curve.deviation
+    tau, measured = analysed.curve.tau_s, analysed.curve.deviation
     # On a logarithmic scale a bar that reaches zero would have no end.
-    reach = np.minimum(2.0 * one.curve.standard_uncertainty, 0.9 * measured)
+    reach = np.minimum(2.0 * analysed.curve.standard_uncertainty, 0.9 * measured)
     axes.errorbar(tau, measured, reach, fmt="o", color=GREY, markersize=3, label="measured")
-    parts = one.fit.theta[:, None] * allan_terms(tau)
+    parts = analysed.fit.theta[:, None] * allan_terms(tau)
     axes.plot(tau, np.sqrt(parts.sum(axis=0)), color=VERMILION, label="fitted noise")
     floor = 0.2 * float(measured.min())
     for (name, colour), part in zip(PARTS, np.sqrt(parts), strict=True):
@@ -70,11 +70,11 @@ def _allan(one: AxisAnalysis) -> Figure:
     return figure
 
 
-def _records(one: AxisAnalysis, interval_s: float) -> Figure:
-    assert one.fit is not None
+def _records(analysed: AxisAnalysis, interval_s: float) -> Figure:
+    assert analysed.fit is not None
     figure = new_figure()
     axes = figure.add_subplot()
-    for piece in one.fit.pieces:
+    for piece in analysed.fit.pieces:
         group = max(1, len(piece) // MOST_DOTS)
         whole = len(piece) // group * group
         mean = piece[:whole].reshape(-1, group).mean(axis=1)
@@ -85,11 +85,15 @@ def _records(one: AxisAnalysis, interval_s: float) -> Figure:
     return figure
 
 
-def _switch_ons(one: AxisAnalysis, dataset: StaticDataset) -> Table:
-    earth = dataset.directions[one.axis].earth_deg_per_h(dataset.latitude_rad)
+def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
+    earth = dataset.directions[analysed.axis].earth_deg_per_h(dataset.latitude_rad)
     rows = [
         [str(number), f"{len(screened.there)}", format_number(float(mean) - earth)]
-        for number, (screened, mean) in enumerate(zip(one.screened, one.means, strict=True), 1)
+        for number, (screened, mean) in enumerate(
+            zip(analysed.screened, analysed.means, strict=True), 1
+        )
     ]
     said = f"Mean of each switch-on, earth's rate of {earth:.4f} deg/h taken off."
-    return Table(f"Switch-ons, {one.axis}", said, ["switch-on", "samples", "bias, deg/h"], rows)
+    return Table(
+        f"Switch-ons, {analysed.axis}", said, ["switch-on", "samples", "bias, deg/h"], rows
+    )

@@ -60,7 +60,7 @@ def dataset_of_import(raw: RawDataset) -> tuple[StaticDataset, Conditions]:
     """Return the records of an imported folder; FaultList names file, row and reason."""
     conditions = raw.conditions(Conditions)
     raw.require_files(("samples",))
-    columns = [f"g{one.lower()}_deg_per_h" for one in conditions.input_axis]
+    columns = [f"g{axis.lower()}_deg_per_h" for axis in conditions.input_axis]
     if "IA" in conditions.input_axis:
         columns = [OUTPUTS[conditions.gyro_output]]
     table = raw.read_table("samples", ("switch_on", "t_s", *columns))
@@ -69,8 +69,8 @@ def dataset_of_import(raw: RawDataset) -> tuple[StaticDataset, Conditions]:
     scale = pulse / conditions.sample_interval_s if counts else 1.0
     dataset = StaticDataset(
         directions={
-            name: Direction(np.deg2rad(one.azimuth_deg), np.deg2rad(one.elevation_deg))
-            for name, one in conditions.input_axis.items()
+            name: Direction(np.deg2rad(direction.azimuth_deg), np.deg2rad(direction.elevation_deg))
+            for name, direction in conditions.input_axis.items()
         },
         latitude_rad=float(np.deg2rad(conditions.latitude_deg)),
         sample_interval_s=conditions.sample_interval_s,
@@ -86,7 +86,7 @@ def _records(
 ) -> Iterator[Record]:
     number, time_s = table["switch_on"], table["t_s"]
     begins = switch_ons(table, "switch_on", conditions.sample_interval_s)
-    rate = np.column_stack([table[one] for one in columns]) * scale
+    rate = np.column_stack([table[column] for column in columns]) * scale
     middle_s = time_s + TO_MIDDLE[conditions.timestamp] * conditions.sample_interval_s
     for start, stop in zip(begins, [*begins[1:], len(number)], strict=True):
         warm = start + np.flatnonzero(middle_s[start:stop] >= conditions.warm_up_s)

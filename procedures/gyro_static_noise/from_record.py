@@ -38,8 +38,8 @@ def dataset_of_run(folder: RunFolder, parameters: StaticParameters, bench: Bench
         records.append(Record(int(details["switch_on"]), time_s, rate[whole][:, None]))
     return StaticDataset(
         directions={
-            axis: Direction(np.deg2rad(one.azimuth_deg), np.deg2rad(one.elevation_deg))
-            for axis, one in parameters.input_axis.items()
+            axis: Direction(np.deg2rad(direction.azimuth_deg), np.deg2rad(direction.elevation_deg))
+            for axis, direction in parameters.input_axis.items()
         },
         latitude_rad=float(np.deg2rad(parameters.latitude_deg)),
         sample_interval_s=interval_s,

@@ -36,7 +36,7 @@ class Line:
 
 def line_columns(time_s: Array, frequencies_Hz: Sequence[float]) -> list[Array]:
     """Return cosine and sine (n,) of each frequency."""
-    angles = [2.0 * np.pi * one * time_s for one in frequencies_Hz]
+    angles = [2.0 * np.pi * frequency_Hz * time_s for frequency_Hz in frequencies_Hz]
     return [part(angle) for angle in angles for part in (np.cos, np.sin)]
 
 
@@ -63,9 +63,9 @@ def strongest_line(best: Components, interval_s: float, counts: Sequence[int]) -
     if falls[top] < WORTH_A_TRY:
         return None
 
-    def kept(one: float) -> float:
+    def kept(frequency_Hz: float) -> float:
         return -sum(
-            _fall(solved, one, interval_s, count)
+            _fall(solved, frequency_Hz, interval_s, count)
             for solved, count in zip(best.solved, counts, strict=True)
         )
 

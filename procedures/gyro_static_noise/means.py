@@ -51,15 +51,15 @@ def ten_second_means(rate: Array, interval_s: float) -> Array | None:
 
 def stability_of(pieces: Sequence[Array], interval_s: float, theta: Array) -> Measured | None:
     """Return the standard deviation of the 10 s means of the records that give the noise."""
-    averaged = [ten_second_means(one, interval_s) for one in pieces]
-    good = [one for one in averaged if one is not None]
+    averaged = [ten_second_means(piece, interval_s) for piece in pieces]
+    good = [means for means in averaged if means is not None]
     if not good:
         return None
     step_s = round(STABILITY_S / interval_s) * interval_s
-    freedom = sum(len(one) - 1 for one in good)
-    square = sum(float(np.sum((one - one.mean()) ** 2)) for one in good) / freedom
-    spread = [theta @ noise_variances(len(one), step_s) for one in good]
-    u = np.sqrt(2.0 * sum(float(one @ one) for one in spread)) / freedom
+    freedom = sum(len(means) - 1 for means in good)
+    square = sum(float(np.sum((means - means.mean()) ** 2)) for means in good) / freedom
+    spread = [theta @ noise_variances(len(means), step_s) for means in good]
+    u = np.sqrt(2.0 * sum(float(values @ values) for values in spread)) / freedom
     return root(square, u)
 
 

@@ -80,16 +80,16 @@ class Pieces:
         self, filled: Sequence[Array], walk: float, lines: Sequence[float] = ()
     ) -> list[Stretch]:
         """Return the records as coefficients; `walk` is N, `lines` are frequencies in Hz."""
-        found = []
+        stretches = []
         for rate in filled:
             count = len(rate)
             kept = self.kept(count)
             time_s = centred_times(count, self.interval_s)
             columns = np.column_stack([time_s / SECONDS_PER_HOUR, *line_columns(time_s, lines)])
             centre = float(np.mean(rate))
-            blocks = np.array([float(np.mean(one)) for one in np.array_split(rate, BLOCKS)])
+            blocks = np.array([float(np.mean(block)) for block in np.array_split(rate, BLOCKS)])
             rest = rounding_variances(count, self.interval_s, self.pulse, walk, blocks)
-            found.append(
+            stretches.append(
                 Stretch(
                     coefficients(rate - centre)[:kept],
                     self.parts(count),
@@ -97,17 +97,17 @@ class Pieces:
                     coefficients(columns)[:kept],
                 )
             )
-        return found
+        return stretches
 
     def bridged(self, theta: Array) -> tuple[Array, ...]:
         """Return the records with their gaps filled."""
-        return tuple(bridged(one, self.interval_s, theta, self.pulse) for one in self.rates)
+        return tuple(bridged(rate, self.interval_s, theta, self.pulse) for rate in self.rates)
 
 
 def noise_records(pieces: Sequence[Array]) -> tuple[Array, ...]:
     """Return the records that give the noise: at least half as long as the longest."""
-    longest = max((len(one) for one in pieces), default=0)
-    return tuple(one for one in pieces if len(one) >= max(FEWEST, 0.5 * longest))
+    longest = max((len(piece) for piece in pieces), default=0)
+    return tuple(piece for piece in pieces if len(piece) >= max(FEWEST, 0.5 * longest))
 
 
 def fit_noise(pieces: Pieces, periodic_chance: float) -> NoiseFit | None:
@@ -115,7 +115,7 @@ def fit_noise(pieces: Pieces, periodic_chance: float) -> NoiseFit | None:
     if not pieces.rates:
         return None
     theta = _guess(pieces)
-    gappy = any(not np.isfinite(one).all() for one in pieces.rates)
+    gappy = any(not np.isfinite(rate).all() for rate in pieces.rates)
     filled, walk = pieces.bridged(theta), WHITE
     for _ in range(ROUNDS if gappy or pieces.pulse else 1):
         stretches = pieces.stretches(filled, walk)
@@ -125,7 +125,7 @@ def fit_noise(pieces: Pieces, periodic_chance: float) -> NoiseFit | None:
             filled = pieces.bridged(theta)
         if pieces.pulse:
             walk = float(np.sqrt(theta[1]))
-    count = sum(len(one) for one in filled)
+    count = sum(len(record) for record in filled)
     lines: list[float] = []
     for _ in range(MOST_LINES):
         candidate = strongest_line(best, pieces.interval_s, [len(r) for r in filled])
@@ -160,8 +160,8 @@ def _concluded(
     theta[0] += pieces.pulse**2 / 12.0
     intervals[0] = np.maximum(theta[0] + np.array([-1.96, 1.96]) * u[0], 0.0)
     ramp, ramp_u = _ramp(stretches, best)
-    sizes = [one.sizes[1:].reshape(-1, 2) for one in best.solved]
-    found = tuple(
+    sizes = [record.sizes[1:].reshape(-1, 2) for record in best.solved]
+    fitted_lines = tuple(
         Line.of(f, [size[n] for size in sizes], pieces.interval_s) for n, f in enumerate(lines)
     )
     return NoiseFit(
@@ -170,7 +170,7 @@ def _concluded(
         intervals,
         ramp,
         ramp_u,
-        found,
+        fitted_lines,
         filled,
         sawtooth,
         pieces.bandwidth_Hz is None,
@@ -190,15 +190,17 @@ def _ramp(stretches: Sequence[Stretch], best: Components) -> tuple[float, float]
     """Return the mean ramp of all records and its u, random walk larger by part of its own u."""
     more = best.theta.copy()
     more[-1] += WALK_ALLOWED * best.u[-1]
-    ramps = np.array([one.sizes[0] for one in best.solved])
-    variance = np.array([solve(one, one.variance(more)).covariance[0, 0] for one in stretches])
+    ramps = np.array([record.sizes[0] for record in best.solved])
+    variance = np.array(
+        [solve(stretch, stretch.variance(more)).covariance[0, 0] for stretch in stretches]
+    )
     weight = 1.0 / variance
     return float(weight @ ramps / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
 
 
 def _guess(pieces: Pieces) -> Array:
     """Return a first theta for the bridging of gaps: what neighbours differ by, taken as white."""
-    steps = np.concatenate([np.diff(one) for one in pieces.rates])
+    steps = np.concatenate([np.diff(rate) for rate in pieces.rates])
     size = float(np.nanmean(steps**2))
     squares = np.array([0.0, 0.5 * size * pieces.interval_s, 0.0, 0.0])
     return np.asarray(squares + np.array([0.0, 1e-12, 0.0, 0.0]))

@@ -33,9 +33,9 @@ def curve_of(pieces: Sequence[Array], interval_s: float) -> AllanDeviation:
 
     Of records of different lengths it is that of the longest ones.
     """
-    longest = max(len(one) for one in pieces)
+    longest = max(len(piece) for piece in pieces)
     return pooled_deviation(
-        [allan_deviation(one, interval_s) for one in pieces if len(one) == longest]
+        [allan_deviation(piece, interval_s) for piece in pieces if len(piece) == longest]
     )
 
 

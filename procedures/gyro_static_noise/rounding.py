@@ -35,7 +35,7 @@ def rounding_covariance(
         reach = count + 1 if fade <= 0.0 else min(count + 1, int(-np.log(NOTHING) / fade) + 1)
         own = lag[1:reach]
         size = pulse**2 / (2.0 * (np.pi * harmonic) ** 2)
-        turned = np.mean([np.cos(harmonic * one * own) for one in turning], axis=0)
+        turned = np.mean([np.cos(harmonic * rate * own) for rate in turning], axis=0)
         angle[1:reach] += size * np.exp(-fade * own) * turned
     before = np.abs(lag[:count] - 1)
     second = 2.0 * angle[:count] - angle[1:] - angle[before]
