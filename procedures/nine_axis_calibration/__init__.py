@@ -15,7 +15,8 @@ from station.method.commands import Power
 from station.procedure import Later, Procedure, ResultKind, Step, usual_modules
 from station.runner.verbs import record_published
 
-from .parameters import AXES, NineAxisParameters, position_unit
+from .directions import AXES, in_words
+from .parameters import NineAxisParameters, pose_unit, position_unit
 from .placing import ask_to_place, make_table_ready, turn_up
 from .work import POWER, check, instruments, prompts, records, work
 
@@ -38,6 +39,7 @@ def mount(run: Run) -> None:
 
 def rest(run: Run) -> None:
     """Claim 1: in each position the output at rest for the first preset time."""
+    from .lying import lie
     from .measuring import measure_position, need_sensor_well
 
     positions = run.parameters.all_positions
@@ -45,6 +47,11 @@ def rest(run: Run) -> None:
         if not run.is_finished(position_unit(position)):
             need_sensor_well(run)
         measure_position(run, position, f"position {position}, {number} of {len(positions)}")
+    poses = run.parameters.poses
+    for number, word in enumerate(poses, 1):
+        if not run.is_finished(pose_unit(word)):
+            need_sensor_well(run)
+        lie(run, word, f"{in_words(word)}, {number} of {len(poses)}")
 
 
 def biases(run: Run) -> None:
@@ -57,14 +64,14 @@ def rotate(run: Run) -> None:
     from .measuring import need_sensor_well, turn
 
     turns = run.parameters.all_turns
-    for axis in AXES:
+    for word in run.parameters.all_turned:
         own = [
-            record for record in turns if record.axis == axis and not run.is_finished(record.unit)
+            record for record in turns if record.axis == word and not run.is_finished(record.unit)
         ]
         if not own:
             continue
         make_table_ready(run)
-        turn_up(run, axis)
+        turn_up(run, word)
         need_sensor_well(run)
         for record in own:
             turn(run, record, f"record {turns.index(record) + 1} of {len(turns)}, {record.unit}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,9 @@ from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
 
+from .all_axes.reading import other_axes, pose
 from .all_axes.results import OtherResults, results_of
+from .all_axes.stands import OtherAxes, Turned
 from .analysis import analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
 from .from_import import dataset_of_import
@@ -41,8 +43,10 @@ if TYPE_CHECKING:
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 PPM = 1e-6
 ARRIVAL = "arrival_time_s"
-POSITION, TURN = "position", "rate_deg_per_s"
-"""What the event of a finished unit holds: its position, or the rate of its turns."""
+POSITION, POSE, TURN = "position", "pose", "rate_deg_per_s"
+"""What the event of a finished unit holds: its position, what points up, or the rate of its turns.
+"""
+MAGNETOMETER = tuple(f"magnetometer_{axis}_nT" for axis in "xyz")
 LATE_S = 0.3
 """Outputs of a record may reach the computer so long after its end."""
 USUAL = 1.5
@@ -51,19 +55,29 @@ USUAL = 1.5
 def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Bench) -> Findings:
     """Return what a run's finished units say, type B inputs from plan and bench file."""
 
-    dataset = dataset_of_run(folder, parameters, bench)
+    dataset, others = records_of_run(folder, parameters, bench)
     inputs = [*prior_inputs(dataset.prior, "the plan"), *bench_inputs(parameters, bench)]
-    return findings_of(analyse(dataset, settings(parameters)), dataset, inputs)
+    return findings_with(dataset, others, settings(parameters), inputs)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; its type B inputs are the priors it names."""
     dataset, others = dataset_of_import(raw)
     inputs = list(prior_inputs(dataset.prior, "the dataset's conditions"))
+    return findings_with(dataset, others, None, inputs)
+
+
+def findings_with(
+    dataset: NineAxisDataset,
+    others: OtherAxes | None,
+    settings: AnalysisSettings | None,
+    inputs: Sequence[InputQuantity],
+) -> Findings:
+    """Return what the gyros' records say, and those of the other six axes where there are any."""
     if others is None:
-        return findings_of(analyse(dataset), dataset, inputs)
+        return findings_of(analyse(dataset, settings), dataset, inputs)
     other_results = results_of(others)
-    analysis = analyse(dataset, inertial=other_results.inertial)
+    analysis = analyse(dataset, settings, inertial=other_results.inertial)
     return with_other_axes(findings_of(analysis, dataset, inputs), other_results)
 
 
@@ -129,6 +143,16 @@ def dataset_of_run(
 
     Times are run time. An output that the sensor itself calls not valid counts as beyond its range.
     """
+    return records_of_run(folder, parameters, bench, kinds)[0]
+
+
+def records_of_run(
+    folder: RunFolder,
+    parameters: NineAxisParameters,
+    bench: Bench,
+    kinds: tuple[str, ...] = (POSITION, POSE, TURN),
+) -> tuple[NineAxisDataset, OtherAxes | None]:
+    """Return what the gyros are calibrated by, and what the other six axes are."""
     units = [
         (unit, details)
         for unit, details in folder.finished_units().items()
@@ -137,42 +161,49 @@ def dataset_of_run(
     sensor = bench.instruments.get(IMU)
     limit = sensor.limits.get(RATE) if sensor is not None else None
     interval_s = 1.0 / parameters.sample_rate_Hz
-    return NineAxisDataset(
+    static, fields, poses, turned = [], [], [], []
+    for unit, details in units:
+        if TURN in details:
+            record = turn_record(folder, unit, details, interval_s, bench)
+            turned.append((str(details["axis"]), record))
+            continue
+        rows, time_s = at_rest(folder, unit, details, interval_s)
+        if POSE in details:
+            felt = accelerometers(rows), magnetometer(rows)
+            poses.append(pose(parameters.prior, str(details[POSE]), time_s, *felt))
+            continue
+        position = int(details[POSITION])
+        rate_deg_per_h = gyros(rows) * SECONDS_PER_HOUR
+        static.append(StaticRecord(position, time_s, rate_deg_per_h, accelerometers(rows)))
+        fields.append(magnetometer(rows))
+    dataset = NineAxisDataset(
         latitude_deg=parameters.latitude_deg,
         prior=prior_of(parameters.prior),
-        static=tuple(
-            static_record(folder, unit, details, interval_s)
-            for unit, details in units
-            if POSITION in details
-        ),
-        turns=tuple(
-            turn_record(folder, unit, details, interval_s, bench)
-            for unit, details in units
-            if TURN in details
-        ),
+        static=tuple(static),
+        turns=tuple(one.turn for word, one in turned if word in AXES),
         largest_rate_deg_per_s=parameters.range_deg_per_s or limit or np.inf,
     )
+    latitude_deg = parameters.latitude_deg
+    others = other_axes(
+        parameters, latitude_deg, static, fields, turned, poses, None, source="the plan"
+    )
+    return dataset, others
 
 
-def static_record(
+def at_rest(
     folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float
-) -> StaticRecord:
-    """Return one position at rest, what came while it settled left out."""
+) -> tuple[NDArray[Any], Array]:
+    """Return the outputs of a record at rest, what came while it settled left out, and times."""
     rows, time_s = outputs(folder, unit, details, interval_s)
     inside = (time_s >= details["from_s"] + interval_s) & (time_s <= details["until_s"])
     if not inside.any():
         raise MissingRows(unit, "the sensor said nothing while it was at rest")
-    return StaticRecord(
-        position=int(details[POSITION]),
-        time_s=time_s[inside],
-        rate_deg_per_h=gyros(rows[inside]) * SECONDS_PER_HOUR,
-        acceleration_g=accelerometers(rows[inside]),
-    )
+    return rows[inside], time_s[inside]
 
 
 def turn_record(
     folder: RunFolder, unit: str, details: Mapping[str, Any], interval_s: float, bench: Bench
-) -> TurnRecord:
+) -> Turned:
     """Return the whole turns of one rate: as many outputs as they take at the measured rate.
 
     The table's angle is corrected by its record.
@@ -187,14 +218,15 @@ def turn_record(
     if not len(place):
         raise MissingRows(unit, "the sensor said nothing while the table's angle was read")
     place = place[time_s[place] < time_s[place[0]] + (count - 0.5) * interval_s]
-    return TurnRecord(
-        axis=AXES.index(details["axis"]),
+    record = TurnRecord(
+        axis=AXES.index(str(details["axis"])[-1]),
         commanded_deg_per_s=float(details[TURN]),
         time_s=time_s[place],
         rate_deg_per_s=gyros(rows[place]),
         encoder_deg=bench.corrected(TURNTABLE, "angle", path.angle_deg(time_s[place]), "deg"),
         encoder_u_deg=path.end_u_deg,
     )
+    return Turned(record, accelerometers(rows[place]), magnetometer(rows[place]))
 
 
 def readings(
@@ -243,6 +275,14 @@ def gyros(rows: NDArray[Any]) -> Array:
 def accelerometers(rows: NDArray[Any]) -> Array:
     """Return the accelerometers' output in g, (n, 3); NaN where the sensor calls it not valid."""
     return np.where(invalid(rows, ACCELEROMETER_BITS), np.nan, columns(rows, ACCELEROMETERS))
+
+
+def magnetometer(rows: NDArray[Any]) -> Array | None:
+    """Return the magnetometer's output in nT, (n, 3); None of a sensor without one."""
+    if not set(MAGNETOMETER) <= set(rows.dtype.names or ()):
+        return None
+    field_nT = columns(rows, MAGNETOMETER)
+    return field_nT if np.isfinite(field_nT).any() else None
 
 
 def columns(rows: NDArray[Any], names: tuple[str, ...]) -> Array:

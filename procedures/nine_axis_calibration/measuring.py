@@ -14,8 +14,8 @@ from station.errors import ConditionNotReached, InstrumentError
 from station.runner.verbs import Follower, look_until
 
 from .dataset import Array
+from .directions import AXES
 from .parameters import (
-    AXES,
     FULL_TURN_DEG,
     LONGEST_READING_S,
     SHORTEST_READING_S,
@@ -237,7 +237,7 @@ def turn(run: Run, turn: Turn, doing: str) -> None:
         from_s = run.clock.now()
         turned_deg = read_turns(run, turn, axis, sensing, doing)
         until_s = run.clock.now()
-        across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(turn.axis)}
+        across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(turn.gyro)}
         sensing.need_valid(from_s, across)
         need_gyro_follows(turn, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
         table.stop(axis)
@@ -290,12 +290,14 @@ def need_gyro_follows(turn: Turn, sensing: Sensing, from_s: float, rate_deg_per_
     """
     gyro, _ = sensing.means(from_s)
     felt = gyro / SECONDS_PER_HOUR
-    own = float(felt[AXES.index(turn.axis)])
+    own = float(felt[AXES.index(turn.gyro)])
+    if turn.axis != turn.gyro:
+        own = -own  # it points down
     if not own / rate_deg_per_s < FOLLOWS:
         return
     most = AXES[int(np.nanargmax(np.abs(felt)))]
     raise ConditionNotReached(
-        f"gyro {turn.axis} of {IMU} reads {own:.4g} deg/s while {TURNTABLE} turns at "
+        f"gyro {turn.gyro} of {IMU} reads {own:.4g} deg/s while {TURNTABLE} turns at "
         f"{rate_deg_per_s:.4g} deg/s (positive: counter-clockwise from above), gyro {most} "
         f"{float(np.nanmax(np.abs(felt))):.4g} deg/s; look how the sensor is mounted, which axis "
         "is up, and which of the table's axes is which in the bench file"

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
 
+from .directions import AXES, up_of
 from .settings import AnalysisSettings, PoseLimits
 
-AXES = ("X", "Y", "Z")
 PUBLISHED_POSITIONS = (1, 2, 3)
 FLIPPED = {1: 4, 2: 5, 3: 6}
 """Each position turned by 180 deg about the vertical: the axis that faced east faces west."""
@@ -24,6 +24,8 @@ DEFAULT_DWELL_S = 360.0
 LONGEST_WHOLE_S = 3600
 
 Angle = Annotated[float, Unit("arcmin"), Field(gt=0, le=600)]
+Gravity = Annotated[float, Unit("g"), Field(ge=0.9, le=1.1)]
+Down = Literal["-X", "-Y", "-Z"]
 
 
 LONGEST_READING_S, SHORTEST_READING_S, READINGS = 0.9, 0.05, 50
@@ -38,6 +40,11 @@ class Turn:
     axis: str
     rate_deg_per_s: float
     turns: int
+
+    @property
+    def gyro(self) -> str:
+        """The axis along the table's, whichever way it points."""
+        return self.axis[-1]
 
     @property
     def unit(self) -> str:
@@ -76,7 +83,33 @@ class Prior(StrictModel):
     table_axes_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0, le=3600)] = TABLE_AXES_ARCSEC
 
 
-class PlanPrior(Prior):
+class EarthField(StrictModel):
+    """The earth's field where the sensor is; inclination positive down."""
+
+    magnitude_nT: Annotated[float, Unit("nT"), Field(gt=0, le=1e6)]
+    inclination_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)] | None = None
+
+
+class DatasetPrior(Prior):
+    """The prior of a dataset, with what the other six axes need of it.
+
+    `edge` is how well a direction between axes is known; the others are those of gravity, of the
+    earth's field, of the accelerometers' second order, and of a gaussmeter beside the sensor.
+    """
+
+    edge_deg: Annotated[float, Unit("deg"), Field(gt=0, le=90)] = 1.0
+    local_gravity_g: Annotated[float, Unit("g"), Field(ge=0, le=0.1)] = 0.0
+    earth_field_magnitude_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
+    earth_field_inclination_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
+    accelerometer_second_order_ug_per_g2: Annotated[float, Unit("ug/g^2"), Field(ge=0, le=1e6)] = (
+        0.0
+    )
+    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
+    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
+    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
+
+
+class PlanPrior(DatasetPrior):
     """The prior of a plan, with what a marble plate and a nine-axis sensor of this class have."""
 
     heading_arcmin: Angle = 10.0
@@ -124,6 +157,12 @@ class NineAxisParameters(StrictModel):
     settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 5.0
     static_settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 10.0
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
+    poses: tuple[str, ...] = ()
+    pose_time_s: Annotated[float, Unit("s"), Field(ge=10, le=86400)] = 60.0
+    turned_down: tuple[Down, ...] = ()
+    turned_down_rates_deg_per_s: tuple[Annotated[float, Unit("deg/s"), Field(gt=0)], ...] = (10.0,)
+    local_gravity_g: Gravity = 1.0
+    earth_field: EarthField | None = None
     sample_rate_Hz: Annotated[float, Unit("Hz"), Field(ge=1, le=5000)] = 100.0
     table_axis: Annotated[int, Field(ge=1, le=3)] = 1
     angle_random_walk_deg_per_sqrt_h: Annotated[float, Unit("deg/sqrt(h)"), Field(gt=0)] = 0.012
@@ -151,6 +190,25 @@ class NineAxisParameters(StrictModel):
             raise ValueError(f"there are {len(rates)}; the method needs N > 4, five rates or more")
         _refuse_duplicates(rates)
         return rates
+
+    @field_validator("poses")
+    @classmethod
+    def directions(cls, poses: tuple[str, ...]) -> tuple[str, ...]:
+        """Require directions, each once."""
+        for word in poses:
+            if up_of(word) is None:
+                raise ValueError(
+                    f"'{word}' is no direction; write what points up: X, -X, X+Y, -X-Y-Z"
+                )
+        _refuse_repeats(poses)
+        return poses
+
+    @field_validator("turned_down", "turned_down_rates_deg_per_s")
+    @classmethod
+    def each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Refuse a direction or a rate that stands twice."""
+        _refuse_repeats(values)
+        return values
 
     @field_validator("range_deg_per_s")
     @classmethod
@@ -201,26 +259,32 @@ class NineAxisParameters(StrictModel):
 
     @property
     def all_turns(self) -> tuple[Turn, ...]:
-        """Each axis' rates in the plan's order, forth and back at each."""
+        """Each direction's rates in the plan's order, forth and back at each."""
         return tuple(
-            Turn(axis, sense * rate, self.turns_at(rate))
-            for axis in AXES
-            for rate in self.rates_deg_per_s
+            Turn(word, sense * rate, self.turns_at(rate))
+            for word in self.all_turned
+            for rate in (self.rates_deg_per_s if word in AXES else self.turned_down_rates_deg_per_s)
             for sense in (1.0, -1.0)
         )
+
+    @property
+    def all_turned(self) -> tuple[str, ...]:
+        """What points up on the turning table, one after the other."""
+        return (*AXES, *self.turned_down)
 
     def turns_at(self, rate_deg_per_s: float) -> int:
         """Return the whole turns of one record at a rate."""
         if self.dwell == "efficient":
             return self.turns or 1
         time_s = DEFAULT_DWELL_S if self.dwell_time_s is None else self.dwell_time_s
-        return round(rate_deg_per_s * time_s / FULL_TURN_DEG)
+        return max(round(rate_deg_per_s * time_s / FULL_TURN_DEG), 1)
 
     @property
     def units(self) -> tuple[str, ...]:
         """All units of work in the order in which they are measured."""
         return (
             *(position_unit(position) for position in self.all_positions),
+            *(pose_unit(word) for word in self.poses),
             *(turn.unit for turn in self.all_turns),
         )
 
@@ -230,6 +294,11 @@ def position_unit(position: int) -> str:
     return f"position {position}"
 
 
+def pose_unit(word: str) -> str:
+    """Return the name of a further pose's unit of work."""
+    return f"pose {word}"
+
+
 def _hint(rates: Sequence[float]) -> str:
     """Return the shortest time in whole seconds in which every rate makes whole turns."""
     for time_s in range(1, LONGEST_WHOLE_S + 1):
@@ -237,6 +306,12 @@ def _hint(rates: Sequence[float]) -> str:
         if all(round(n) >= 1 and abs(n - round(n)) <= WHOLE * max(1.0, n) for n in turns):
             return f"; {time_s} s would be whole at every rate"
     return "; choose dwell: efficient, which has whole turns at each rate"
+
+
+def _refuse_repeats(values: Sequence[object]) -> None:
+    for n, value in enumerate(values):
+        if value in values[:n]:
+            raise ValueError(f"{value} stands twice")
 
 
 def _refuse_duplicates(rates: Sequence[float]) -> None:

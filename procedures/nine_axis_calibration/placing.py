@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 from station.method.motion import AxisTo
 
-from .parameters import NineAxisParameters, position_unit
+from .directions import in_words
+from .parameters import NineAxisParameters, pose_unit, position_unit
 from .work import (
     MOUNT_TABLE,
     TURNTABLE,
     axes_of,
+    direction_prompt,
     pose_prompt,
     to_position,
     to_up,
@@ -44,6 +46,9 @@ def ask_to_place(run: Run, unit: str) -> None:
     for position in parameters.all_positions:
         if unit == position_unit(position):
             ask_to_put(run, pose_prompt(position))
+    for word in parameters.poses:
+        if unit == pose_unit(word):
+            ask_to_put(run, direction_prompt(word))
 
 
 def ask_to_put(run: Run, prompt: Prompt, *, again: bool = False) -> None:
@@ -89,13 +94,22 @@ def put(run: Run, position: int, *, again: bool) -> None:
         ask_to_put(run, pose_prompt(position), again=again)
 
 
-def turn_up(run: Run, axis: str) -> None:
-    """Bring an axis of the sensor up, along the table's axis that turns."""
+def lay(run: Run, word: str, *, again: bool) -> None:
+    """Bring a direction of the sensor up, at rest, by the table or by hand."""
     if run.parameters.positioning == "table":
         ask_to_put(run, MOUNT_TABLE)
-        go_to(run, to_up(axis), f"{axis} is turned up")
+        go_to(run, to_up(word), f"the table goes to {in_words(word)}")
     else:
-        ask_to_put(run, up_prompt(axis))
+        ask_to_put(run, direction_prompt(word), again=again)
+
+
+def turn_up(run: Run, word: str) -> None:
+    """Bring an axis of the sensor up or down, along the table's axis that turns."""
+    if run.parameters.positioning == "table":
+        ask_to_put(run, MOUNT_TABLE)
+        go_to(run, to_up(word), f"the table goes to {in_words(word)}")
+    else:
+        ask_to_put(run, up_prompt(word))
 
 
 def go_to(run: Run, moves: Sequence[AxisTo], doing: str) -> None:

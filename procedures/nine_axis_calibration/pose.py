@@ -96,6 +96,15 @@ def check_pose(
     return Pose(position, True, off_g, off_deg_per_h, position)
 
 
+def check_direction(
+    up: tuple[float, float, float], acceleration_g: Array, limit_g: float
+) -> tuple[bool, str]:
+    """Return whether accelerometers, (3,), feel gravity along a direction, and what they feel."""
+    off_g = float(np.max(np.abs(acceleration_g - np.array(up))))
+    felt = ", ".join(f"{value:+.2f}" for value in acceleration_g)
+    return off_g <= limit_g, f"the accelerometers read {felt} g, {off_g:.3g} g off"
+
+
 def check_together(
     positions: Sequence[int],
     gyro_deg_per_h: Array,

@@ -19,7 +19,8 @@ from station.method.work import Rows, Work
 from station.procedure import Problem, Prompt, RecordUse
 from station.roles.turntable import TableAxes, table_axes, unnamed_axes
 
-from .parameters import AXES, FULL_TURN_DEG, NineAxisParameters, Turn, position_unit
+from .directions import ending, in_words, table_angles_deg
+from .parameters import FULL_TURN_DEG, NineAxisParameters, Turn, pose_unit, position_unit
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -28,6 +29,7 @@ TURNTABLE = "turntable"
 IMU = "imu"
 POWER = "dut_power"
 RATES = ("parameters", "rates")
+TURNED_DOWN = ("parameters", "turned_down_rates")
 RATE = "rate"
 CLOSE_S, MOVE_S, SETTLING_S = 10.0, 10.0, 3.0
 USUAL_ACCELERATION_DEG_PER_S2 = 50.0
@@ -48,8 +50,6 @@ POSES_DEG: dict[int, tuple[float, float, float]] = {
     6: (180.0, 0.0, 90.0),
 }
 """Outer, middle and inner angle of each position."""
-UP_DEG: dict[str, tuple[float, float]] = {"X": (90.0, 0.0), "Y": (0.0, 90.0), "Z": (0.0, 0.0)}
-"""Middle and inner angle that let a sensor axis point up, along the outer axis."""
 UP_SENSE = -1.0
 """Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
 MOUNT_TABLE = Prompt(
@@ -93,10 +93,11 @@ def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
     range_deg_per_s = sensor.limits.get(RATE)
     if range_deg_per_s is None:
         return
-    for rate in parameters.rates_deg_per_s:
+    turned_down = parameters.turned_down_rates_deg_per_s if parameters.turned_down else ()
+    for rate in (*parameters.rates_deg_per_s, *turned_down):
         if rate >= range_deg_per_s:
             yield Problem(
-                RATES,
+                RATES if rate in parameters.rates_deg_per_s else TURNED_DOWN,
                 f"{rate:g} deg/s is not below the gyro's range on this bench, "
                 f"{range_deg_per_s:g} deg/s",
             )
@@ -129,10 +130,10 @@ def to_position(position: int) -> tuple[AxisTo, ...]:
     return moves(text, outer=outer_deg, middle=middle_deg, inner=inner_deg)
 
 
-def to_up(axis: str) -> tuple[AxisTo, ...]:
-    """Return the moves of a three-axis table that let an axis of the sensor point up."""
-    middle_deg, inner_deg = UP_DEG[axis]
-    text = f"{axis} up: middle and inner axis to {middle_deg:g} deg, {inner_deg:g} deg"
+def to_up(word: str) -> tuple[AxisTo, ...]:
+    """Return the moves of a three-axis table that let a direction of the sensor point up."""
+    middle_deg, inner_deg = table_angles_deg(word)
+    text = f"{in_words(word)}: middle and inner axis to {middle_deg:g} deg, {inner_deg:g} deg"
     return moves(text, middle=middle_deg, inner=inner_deg)
 
 
@@ -175,13 +176,22 @@ def work(parameters: NineAxisParameters) -> Iterator[Work]:
             (Rows(IMU, rest_s, rest_s * sample_rate_Hz),),
             rest_s,
         )
+    for word in parameters.poses:
+        rest_s = parameters.pose_time_s + parameters.static_settle_s + move_s
+        yield Work(
+            "1b",
+            pose_unit(word),
+            (*(to_up(word) if by_table else ()), Bounded(IMU, f"{in_words(word)}: record")),
+            (Rows(IMU, rest_s, rest_s * sample_rate_Hz),),
+            rest_s,
+        )
     if not by_table:
         yield Work("2a", None, to_zero(), (), CLOSE_S)
-    for axis in AXES:
+    for word in parameters.all_turned:
         if by_table:
-            yield Work("2a", None, to_up(axis), (), MOVE_S)
+            yield Work("2a", None, to_up(word), (), MOVE_S)
         for turn in parameters.all_turns:
-            if turn.axis == axis:
+            if turn.axis == word:
                 spin_s = turn_s(parameters, turn)
                 rows = (
                     Rows(IMU, spin_s, spin_s * sample_rate_Hz),
@@ -201,11 +211,21 @@ def pose_prompt(position: int) -> Prompt:
     )
 
 
-def up_prompt(axis: str) -> Prompt:
+def direction_prompt(word: str) -> Prompt:
+    """Return the request to put the sensor on the plate with a direction up."""
+    return Prompt(
+        f"pose-{ending(word)}",
+        f"Put the sensor, in its tooling, its cable connected, on the plate with {in_words(word)}, "
+        "whichever way it faces. Then leave the plate alone.",
+        then="the sensor is read at rest; nothing moves",
+    )
+
+
+def up_prompt(word: str) -> Prompt:
     """Return the request to mount the sensor on a table of one axis."""
     return Prompt(
-        f"mount-{axis}-up",
-        f"Mount the sensor on the turntable with {axis} up, along the table's axis.",
+        f"mount-{ending(word)}",
+        f"Mount the sensor on the turntable with {in_words(word)}, along the table's axis.",
         checklist=("Nobody is within reach of the table.",),
         then="the table turns",
     )
@@ -216,4 +236,5 @@ def prompts(parameters: NineAxisParameters) -> tuple[Prompt, ...]:
     if parameters.positioning == "table":
         return (MOUNT_TABLE,)
     on_plate = (pose_prompt(position) for position in parameters.all_positions)
-    return (*on_plate, *(up_prompt(axis) for axis in AXES))
+    leaning = (direction_prompt(word) for word in parameters.poses)
+    return (*on_plate, *leaning, *(up_prompt(word) for word in parameters.all_turned))

@@ -14,7 +14,7 @@ import numpy as np
 from sim_instruments.generic.nine_axis_model import LASTING_FAULTS, Counters, NineAxisModel
 from sim_instruments.instrument import Setting
 from sim_instruments.wire.socketcand import CanInstrument
-from sim_instruments.world.nine_axis import Means
+from sim_instruments.world.nine_axis_sensor import Means
 
 COMMAND, ACK, STATUS, IDENTITY = 0x0C0, 0x0C1, 0x0C2, 0x0C3
 PARTS = (0x0D0, 0x0D1, 0x0D2, 0x0D3)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from sim_instruments.faults.lasting import Frozen, GyroFails, Overheating, Overload, Silent
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.world.nine_axis import Means
+from sim_instruments.world.nine_axis_sensor import Means
 from sim_instruments.world.piecewise import Array
 
 FIRST_AHEAD, MOST_AHEAD = 16, 1024

@@ -36,7 +36,7 @@ from sim_instruments.generic.nine_axis_model import LASTING_FAULTS, Counters, Ni
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.frames import SEED, TABLE, Arrived, FrameInstrument
-from sim_instruments.world.nine_axis import Means
+from sim_instruments.world.nine_axis_sensor import Means
 
 FIRMWARE = (
     "1775 IMU",

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from fog_fixture import BENCH, EARTH_DEG_PER_S, IDEAL, INNER, LATITUDE_DEG, MIDDLE, OUTER
 
+from procedures.nine_axis_calibration.directions import table_angles_deg
 from procedures.nine_axis_calibration.pose import ATTITUDES
-from procedures.nine_axis_calibration.work import POSES_DEG, UP_DEG
+from procedures.nine_axis_calibration.work import POSES_DEG
 from sim_instruments.bench import world_of
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.nine_axis import NineAxisBench
@@ -98,7 +99,7 @@ def test_turns_both_ways_tell_gain_misalignment_and_asymmetry(axis: str, how: st
     )
     world.act(f"mount-{axis}-up" if how == "by hand" else "mount-table", 0.0)
     if how == "by table":
-        go_to(world, 0.0, 0.0, *UP_DEG[axis])
+        go_to(world, 0.0, 0.0, *table_angles_deg(axis))
     place = AXES.index(axis)
     read, rate = [], 100.0
     for start_s, sense in ((50.0, 1.0), (100.0, -1.0)):

@@ -103,9 +103,8 @@ def _estimate(
     return Estimate(name, axis, float(value), unit, u, freedom, METHOD, sensitivities, extra or {})
 
 
-def coil_inputs(record: CoilRecord) -> Iterator[InputQuantity]:
+def coil_inputs(record: CoilRecord, source: str) -> Iterator[InputQuantity]:
     """Yield what the reference may be off."""
-    source = "the dataset's conditions"
     yield InputQuantity(GAIN, "gain of the gaussmeter", record.gain_u, "1", source)
     yield InputQuantity(ZERO, "zero of the gaussmeter", record.zero_u_nT, "nT", source)
     about = "direction of the gaussmeter's axes to the sensor's"

@@ -4,57 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
 from procedures.nine_axis_calibration.dataset import StaticRecord
-from procedures.nine_axis_calibration.parameters import Prior
+from procedures.nine_axis_calibration.parameters import DatasetPrior, EarthField, Gravity
 from procedures.nine_axis_calibration.pose import ATTITUDES
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel, Unit
+from station.fields import StrictModel
 from station.files.faults import Fault
 
 from .stands import Array, CoilRecord, Mounted, OtherAxes, Rest, Turned, direction
 
 if TYPE_CHECKING:
+    from procedures.nine_axis_calibration.parameters import NineAxisParameters
     from station.dataset_reading import RawDataset
 
 ACCELEROMETERS = ("ax_g", "ay_g", "az_g")
 MAGNETOMETER = ("mx_nT", "my_nT", "mz_nT")
 POSE_COLUMNS = ("pose", "t_s")
 GAUSSMETER = ("bx_nT", "by_nT", "bz_nT")
-Angle = Annotated[float, Unit("deg"), Field(gt=0, le=90)]
-
-
-class EarthField(StrictModel):
-    """The earth's field where the sensor is; inclination positive down."""
-
-    magnitude_nT: Annotated[float, Unit("nT"), Field(gt=0, le=1e6)]
-    inclination_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)] | None = None
-
-
-class DatasetPrior(Prior):
-    """The prior of a dataset, with what the other axes need of it."""
-
-    edge_deg: Angle = 1.0
-    local_gravity_g: Annotated[float, Unit("g"), Field(ge=0, le=0.1)] = 0.0
-    earth_field_magnitude_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
-    earth_field_inclination_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
-    accelerometer_second_order_ug_per_g2: Annotated[float, Unit("ug/g^2"), Field(ge=0, le=1e6)] = (
-        0.0
-    )
-    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
-    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
-    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
 
 
 class OtherConditions(StrictModel):
     """What is known of gravity and of the earth's field."""
 
     prior: DatasetPrior
-    local_gravity_g: Annotated[float, Unit("g"), Field(ge=0.9, le=1.1)] = 1.0
+    local_gravity_g: Gravity = 1.0
     earth_field: EarthField | None = None
 
 
@@ -103,13 +80,14 @@ def unknown_directions(table: Table, column: str) -> list[Fault]:
 
 
 def other_axes(
-    conditions: OtherConditions,
+    conditions: OtherConditions | NineAxisParameters,
     latitude_deg: float,
     static: Sequence[StaticRecord],
     static_field: Sequence[Array | None],
     turned: Sequence[tuple[str, Turned]],
     poses: Sequence[Rest],
     coil: CoilRecord | None,
+    source: str = "the dataset's conditions",
 ) -> OtherAxes | None:
     """Return what the other axes are calibrated by; None where nothing of them was recorded."""
     mountings = tuple(_mounted(conditions.prior, turned))
@@ -150,6 +128,7 @@ def other_axes(
         math.radians(prior.earth_field_inclination_deg),
         prior.accelerometer_second_order_ug_per_g2 * 1e-6,
         coil,
+        source,
     )
 
 

@@ -235,9 +235,9 @@ def _doubts(
 
 def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
     about = "local gravity"
-    yield InputQuantity(GRAVITY, about, data.gravity_u_g, "g", "the dataset's conditions")
+    yield InputQuantity(GRAVITY, about, data.gravity_u_g, "g", data.source)
     if data.coil is not None:
-        yield from coil_inputs(data.coil)
+        yield from coil_inputs(data.coil, data.source)
 
 
 def published(data: OtherAxes) -> Iterator[Published]:

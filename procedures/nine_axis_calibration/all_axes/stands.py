@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.nine_axis_calibration.dataset import AXES, TurnRecord
+from procedures.nine_axis_calibration.dataset import TurnRecord
+from procedures.nine_axis_calibration.directions import up_of
 
 Array = NDArray[np.float64]
-DIRECTION = re.compile(r"[+-]?[XYZ](?:[+-][XYZ]){0,2}")
 
 
 def direction(word: str) -> Array | None:
     """Return the unit vector (3,) in sensor axes of `X`, `-X`, `X+Y`, `-X-Y-Z`; None for others."""
-    if not DIRECTION.fullmatch(word):
-        return None
-    up = np.zeros(3)
-    for sign, axis in re.findall(r"([+-]?)([XYZ])", word):
-        up[AXES.index(axis)] += -1.0 if sign == "-" else 1.0
-    size = float(np.linalg.norm(up))
-    return up / size if np.count_nonzero(up) == len(re.findall("[XYZ]", word)) else None
+    up = up_of(word)
+    return None if up is None else np.array(up)
 
 
 def plane_across(up: Array, near: Array | None = None) -> Array:
@@ -85,7 +79,7 @@ class OtherAxes:
 
     Gravity in the accelerometers' g. Field in nT and its inclination, positive down, in rad; None
     where they are not known. `second_order_u` is the prior of the accelerometers' second order, in
-    g/g^2. The table's axis is upright within `tilt_rad`.
+    g/g^2. The table's axis is upright within `tilt_rad`. `source` is where all that is stated.
     """
 
     rests: tuple[Rest, ...]
@@ -100,6 +94,7 @@ class OtherAxes:
     inclination_u_rad: float = 0.0
     second_order_u: float = 0.0
     coil: CoilRecord | None = None
+    source: str = "the dataset's conditions"
 
     @property
     def with_acceleration(self) -> tuple[Mounted, ...]:
