@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.coils import AXES, wiring
+from sim_instruments.world.coils import AXES, small_rotation, wiring
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import Wander, WhiteNoise, generator
 from sim_instruments.world.piecewise import Array
@@ -17,6 +18,8 @@ Switches = npt.NDArray[np.bool_]
 
 SECONDS_PER_HOUR = 3600.0
 PAIRS = (("x", "y"), ("x", "z"), ("y", "x"), ("y", "z"), ("z", "x"), ("z", "y"))
+EDGES = ("xy", "xz", "yz")
+STANDARD_GRAVITY = 9.80665
 CELL_S = 0.005
 """White noise is white up to the 100 Hz of its cells, some way into a sensor's bandwidth."""
 FLICKER_CELLS_S = (20.0, 80.0, 320.0, 1280.0, 5120.0)
@@ -56,6 +59,10 @@ class NineAxisSensor:
 
     `accelerometers`: `bias` and `scale_factor_error` by axis, `noise_in_one_second`.
     `magnetometers`: `offset` (hard iron) and `scale_factor_error` by axis, `noise_in_one_second`.
+    What may stand there beside: of the gyros `g_sensitivity` (`xx`, `xy`, …: gyro, axis of the
+    force); of the accelerometers `nonorthogonality` (`xy` `xz` `yz`, 90 deg less the angle of the
+    axes), `second_order`, `boresight` (their frame is turned by it about the base's axes),
+    `lever_arm` from the table's axis; of the magnetometers `misalignment` (`xy`, …, soft iron too).
     """
 
     def __init__(self, truth: Truth, room_degC: float, seed: int) -> None:
@@ -89,8 +96,13 @@ class NineAxisSensor:
             Wander(flicker, cell_s, generator(seed, f"nine-axis flicker {cell_s:g} s"))
             for cell_s in FLICKER_CELLS_S
         ]
-        self._accelerometers = _Triad(truth.section("accelerometers"), "bias", "g", seed)
-        self._magnetometers = _Triad(truth.section("magnetometers"), "offset", "nT", seed)
+        self._per_g = np.array(
+            [gyros.errors("g_sensitivity", [a + b for b in AXES], "deg/h/g") for a in AXES]
+        )
+        accelerometers = truth.section("accelerometers")
+        self._accelerometers = _Triad(accelerometers, "bias", "g", seed, _in_own_frame)
+        self._lever_arm_m = np.array(accelerometers.errors("lever_arm", AXES, "mm")) / 1000.0
+        self._magnetometers = _Triad(truth.section("magnetometers"), "offset", "nT", seed, _leaning)
 
     def scale_factor(self, rate_deg_per_s: Array) -> Array:
         """Return measured over true rate, bias aside, at true rates (n, 3), of each gyro."""
@@ -117,28 +129,68 @@ class NineAxisSensor:
         middles_s = 0.5 * (edges_s[:-1] + edges_s[1:])
         felt = rate_deg_per_s @ self._cross.T
         read = self.scale_factor(rate_deg_per_s) * felt
-        read += self.bias_deg_per_h(middles_s) / SECONDS_PER_HOUR
+        read += (self.bias_deg_per_h(middles_s) + force_g @ self._per_g.T) / SECONDS_PER_HOUR
         read += _means(self._noise, edges_s)
         read = np.round(read / self._step) * self._step @ self._wiring.T
         return Means(
             np.clip(read, -self.range_deg_per_s, self.range_deg_per_s),
             np.abs(read) < self.range_deg_per_s,
-            self._accelerometers.reads(edges_s, force_g),
+            self._accelerometers.reads(edges_s, force_g + self._turned_g(rate_deg_per_s)),
             self._magnetometers.reads(edges_s, nT),
             self.temperature_degC(middles_s),
         )
 
+    def _turned_g(self, rate_deg_per_s: Array) -> Array:
+        """Return the specific force of turning at steady rates (n, 3), the lever arm away."""
+        rate = np.radians(rate_deg_per_s)
+        return np.asarray(np.cross(rate, np.cross(rate, self._lever_arm_m)) / STANDARD_GRAVITY)
+
 
 class _Triad:
-    """Three sensors with an offset, a scale factor and white noise."""
+    """Three sensors with an offset, scale factors, directions and white noise.
 
-    def __init__(self, truth: Truth, offset: str, unit: str, seed: int) -> None:
+    `towards` reads from the truth what turns true vectors into those along the input axes.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        offset: str,
+        unit: str,
+        seed: int,
+        towards: Callable[[Truth], Array],
+    ) -> None:
+        self._towards = towards(truth)
+        self._second_per_unit = np.array(truth.errors("second_order", AXES, "ug/g^2")) * 1e-6
         self._offset = np.array(truth.quantities(offset, AXES, unit))
         self._scale = 1.0 + np.array(truth.quantities("scale_factor_error", AXES, "1"))
         self._noise = _white(truth.quantity("noise_in_one_second", unit), seed, truth.where)
 
     def reads(self, edges_s: Array, true: Array) -> Array:
-        return np.asarray(self._offset + self._scale * true + _means(self._noise, edges_s))
+        felt = true @ self._towards.T
+        read = self._offset + self._scale * felt + self._second_per_unit * felt**2
+        return np.asarray(read + _means(self._noise, edges_s))
+
+
+def _in_own_frame(truth: Truth) -> Array:
+    """Return (I + N) R: the accelerometers' own frame is turned, its axes lean symmetrically."""
+    turned = small_rotation(truth, "boresight").T if "boresight" in truth else np.eye(3)
+    shape = np.eye(3)
+    for pair, angle in zip(EDGES, truth.errors("nonorthogonality", EDGES, "rad"), strict=True):
+        i, j = (AXES.index(axis) for axis in pair)
+        shape[i, j] = shape[j, i] = angle / 2.0
+    return np.asarray(shape @ turned)
+
+
+def _leaning(truth: Truth) -> Array:
+    """Return what each axis feels of the others, too: directions and soft iron."""
+    towards = np.eye(3)
+    names = [first + second for first, second in PAIRS]
+    for (first, second), angle in zip(
+        PAIRS, truth.errors("misalignment", names, "rad"), strict=True
+    ):
+        towards[AXES.index(first), AXES.index(second)] = angle
+    return towards
 
 
 def _white(in_one_second: float, seed: int, name: str) -> list[WhiteNoise]:

@@ -8,7 +8,7 @@ prior is on the sensor, but for a second order that the stands do not determine.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,9 @@ from scipy.special import chdtrc
 
 from procedures.nine_axis_calibration.attitude import rotation
 
+from .response import Response, response_of, with_nonlinearity
 from .stands import Array, Mounted, OtherAxes, Rest, plane_across
-from .waves import Response, at_rest, response_of, waves_of, without_rate
+from .waves import at_rest, waves_of, without_rate
 
 WELL_KNOWN_RAD = float(np.radians(0.1))
 """Six arcmin: a direction that is known better counts as known."""
@@ -83,9 +84,10 @@ def orientations_of(data: OtherAxes) -> tuple[Orientation, ...]:
         *map(_orientation_of_rest, data.rests),
         *map(_orientation_of_mounting, data.with_acceleration),
     ]
+    responses = with_nonlinearity([orientation.response for orientation in orientations])
     return tuple(
-        orientation
-        for orientation in orientations
+        replace(orientation, response=response)
+        for orientation, response in zip(orientations, responses, strict=True)
         if np.isfinite(orientation.force_g).all() and (orientation.force_u > 0).all()
     )
 

@@ -94,38 +94,3 @@ def without_rate(mounting: Mounted, waves: Sequence[Wave], first: int) -> tuple[
         value[channel] = (inverse @ (design.T @ (own[good] / size[good])))[0]
         u[channel] = np.sqrt(inverse[0, 0])
     return value, np.diag(u**2)
-
-
-@dataclass(frozen=True)
-class Response:
-    """What the gyros of a mounting read per rate, (3,), and at no rate in deg/h, (3,), with u."""
-
-    gain: Array
-    gain_u: Array
-    still_deg_per_h: Array
-    still_u: Array
-
-
-def response_of(waves: Sequence[Wave]) -> Response | None:
-    """Return the gyros' response; None where the mounting was not turned in both senses.
-
-    What grows with the magnitude of the rate, an asymmetry, is free.
-    """
-    rate = np.degrees(np.array([wave.rate_rad_per_s for wave in waves]))
-    if not (bool((rate > 0.0).any()) and bool((rate < 0.0).any())):
-        return None
-    fitted = np.full((4, 3), np.nan)
-    free = len(np.unique(np.round(np.abs(rate), 1))) > 1
-    columns = [rate, np.ones(len(rate)), *([np.abs(rate)] if free else [])]
-    for gyro in range(3):
-        own = np.array([wave.value[0, gyro] for wave in waves])
-        size = np.array([wave.sigma[gyro] * np.sqrt(wave.inverse[0, 0]) for wave in waves])
-        good = np.isfinite(own) & (size > 0.0)
-        if int(good.sum()) < len(columns):
-            continue
-        design = np.column_stack(columns)[good] / size[good, None]
-        inverse = np.linalg.pinv(design.T @ design)
-        solved = inverse @ (design.T @ (own[good] / size[good]))
-        spread = np.sqrt(np.diag(inverse))
-        fitted[:, gyro] = solved[0], spread[0], 3600.0 * solved[1], 3600.0 * spread[1]
-    return Response(*fitted)
