@@ -16,6 +16,7 @@ from station.files.faults import Fault, listed
 from .all_axes.reading import (
     ACCELEROMETERS,
     MAGNETOMETER,
+    DatasetPrior,
     OtherConditions,
     coil_of,
     columns_of,
@@ -28,7 +29,6 @@ from .all_axes.stands import OtherAxes, Rest, Turned, direction
 from .dataset import AXES, Array, NineAxisDataset, StaticRecord, TurnRecord
 from .means import interval_of
 from .outlook import prior_of
-from .parameters import DatasetPrior
 from .pose import ATTITUDES
 
 if TYPE_CHECKING:

@@ -90,11 +90,11 @@ class EarthField(StrictModel):
     inclination_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)] | None = None
 
 
-class DatasetPrior(Prior):
-    """The prior of a dataset, with what the other six axes need of it.
+class AllAxesPrior(Prior):
+    """The prior with what the other six axes need of it.
 
     `edge` is how well a direction between axes is known; the others are those of gravity, of the
-    earth's field, of the accelerometers' second order, and of a gaussmeter beside the sensor.
+    earth's field and of the accelerometers' second order.
     """
 
     edge_deg: Annotated[float, Unit("deg"), Field(gt=0, le=90)] = 1.0
@@ -104,12 +104,9 @@ class DatasetPrior(Prior):
     accelerometer_second_order_ug_per_g2: Annotated[float, Unit("ug/g^2"), Field(ge=0, le=1e6)] = (
         0.0
     )
-    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
-    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
-    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
 
 
-class PlanPrior(DatasetPrior):
+class PlanPrior(AllAxesPrior):
     """The prior of a plan, with what a marble plate and a nine-axis sensor of this class have."""
 
     heading_arcmin: Angle = 10.0

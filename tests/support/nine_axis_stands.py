@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from procedures.nine_axis_calibration.all_axes.reading import lean_rad
+from procedures.nine_axis_calibration.all_axes.reading import DatasetPrior, lean_rad
 from procedures.nine_axis_calibration.all_axes.stands import (
     Mounted,
     OtherAxes,
@@ -17,7 +17,6 @@ from procedures.nine_axis_calibration.all_axes.stands import (
     direction,
 )
 from procedures.nine_axis_calibration.dataset import TurnRecord
-from procedures.nine_axis_calibration.parameters import DatasetPrior
 
 Array = NDArray[np.float64]
 FIELD_NT, INCLINATION_DEG = 54823.0, 58.8

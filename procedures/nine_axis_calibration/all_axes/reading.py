@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import Field
 
 from procedures.nine_axis_calibration.dataset import StaticRecord
-from procedures.nine_axis_calibration.parameters import DatasetPrior, EarthField, Gravity
+from procedures.nine_axis_calibration.parameters import AllAxesPrior, EarthField, Gravity
 from procedures.nine_axis_calibration.pose import ATTITUDES
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel
+from station.fields import StrictModel, Unit
 from station.files.faults import Fault
 
 from .stands import Array, CoilRecord, Mounted, OtherAxes, Rest, Turned, direction
@@ -25,6 +26,14 @@ ACCELEROMETERS = ("ax_g", "ay_g", "az_g")
 MAGNETOMETER = ("mx_nT", "my_nT", "mz_nT")
 POSE_COLUMNS = ("pose", "t_s")
 GAUSSMETER = ("bx_nT", "by_nT", "bz_nT")
+
+
+class DatasetPrior(AllAxesPrior):
+    """The prior of a dataset, with that of a gaussmeter beside the sensor."""
+
+    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
+    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
+    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
 
 
 class OtherConditions(StrictModel):
@@ -132,20 +141,20 @@ def other_axes(
     )
 
 
-def pose(prior: DatasetPrior, word: str, time_s: Array, force: Array, field: Array | None) -> Rest:
+def pose(prior: AllAxesPrior, word: str, time_s: Array, force: Array, field: Array | None) -> Rest:
     """Return a pose: one axis up is known as a position's tilt, what is between axes as `edge`."""
     up = direction(word)
     assert up is not None
     return Rest(f"pose {word}", up, lean_rad(prior, up, prior.tilt_arcmin), time_s, force, field)
 
 
-def lean_rad(prior: DatasetPrior, up: Array, arcmin: float) -> float:
+def lean_rad(prior: AllAxesPrior, up: Array, arcmin: float) -> float:
     """Return how well a direction is known, by the prior of one axis up in arcmin, or of edges."""
     one_axis = np.count_nonzero(np.abs(up) > 1e-9) == 1
     return math.radians(arcmin / 60.0 if one_axis else prior.edge_deg)
 
 
-def _mounted(prior: DatasetPrior, turned: Sequence[tuple[str, Turned]]) -> Iterator[Mounted]:
+def _mounted(prior: AllAxesPrior, turned: Sequence[tuple[str, Turned]]) -> Iterator[Mounted]:
     """Yield successive records of one direction as one mounting."""
     mounting = prior.tilt_arcmin if prior.mounting_arcmin is None else prior.mounting_arcmin
     groups: list[tuple[str, list[Turned]]] = []
