@@ -13,8 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .all_axes.calibrated import other_sensors
 from .dataset import AXES, Array
-from .findings import ASYMMETRY, BIAS, FRAME, SCALE_FACTOR, NineAxisAnalysis
+from .findings import (
+    ARCSEC_PER_RAD,
+    ASYMMETRY,
+    BIAS,
+    FRAME,
+    SCALE_FACTOR,
+    NineAxisAnalysis,
+)
 
 if TYPE_CHECKING:
     from station.findings import Findings
@@ -32,13 +40,14 @@ class Correction:
     """true rate = inverse gain x ((output - bias) / (1 + asymmetry/2 x its sign)).
 
     `bias_deg_per_s` (3,), `asymmetry` (3,) as a ratio, zero where it is not significant, `inverse`
-    (3, 3). `cross` says whether the misalignments were measured; they count as zero where not.
+    (3, 3). `frame` is what its axes are those of; None where the misalignments were not measured,
+    and count as zero.
     """
 
     bias_deg_per_s: Array
     asymmetry: Array
     inverse: Array
-    cross: bool
+    frame: str | None
 
 
 def correction_of(analysis: NineAxisAnalysis, significant: float = 2.0) -> Correction | None:
@@ -58,9 +67,24 @@ def correction_of(analysis: NineAxisAnalysis, significant: float = 2.0) -> Corre
         sure = asymmetry.value is not None and u is not None
         value = asymmetry.value if sure and abs(asymmetry.value or 0.0) >= significant * u else 0.0  # type: ignore[operator]
         asymmetries.append(PPM * (value or 0.0))
-    known = bool(np.isfinite(analysis.gain).all())
-    gain = np.where(np.isfinite(analysis.gain), analysis.gain, 0.0)
-    return Correction(np.array(biases), np.array(asymmetries), np.linalg.inv(gain), known)
+    gain, frame = _gain_of(analysis)
+    known = bool(np.isfinite(gain).all())
+    inverse = np.linalg.inv(np.where(np.isfinite(gain), gain, 0.0))
+    return Correction(np.array(biases), np.array(asymmetries), inverse, frame if known else None)
+
+
+def _gain_of(analysis: NineAxisAnalysis) -> tuple[Array, str]:
+    """Return the gyros' matrix and its frame: the accelerometers' where they are determined."""
+    to_accelerometers = analysis.others.misalignment if analysis.others is not None else ()
+    if not to_accelerometers:
+        return analysis.gain, FRAME
+    gain = np.diag(np.diag(analysis.gain))
+    for estimate in to_accelerometers:
+        assert estimate.axis is not None
+        assert estimate.value is not None
+        gyro, axis = (AXES.index(name) for name in estimate.axis)
+        gain[gyro, axis] = gain[gyro, gyro] * estimate.value / ARCSEC_PER_RAD
+    return gain, str(to_accelerometers[0].extra["frame"])
 
 
 def assignments(correction: Correction) -> tuple[tuple[str, str], ...]:
@@ -120,8 +144,8 @@ def calibration_data(
         "bias": _list(correction.bias_deg_per_s),
         "asymmetry": _list(correction.asymmetry),
         "inverse_gain": [_list(row) for row in correction.inverse],
-        "misalignment_measured": correction.cross,
-        "frame": FRAME if correction.cross else None,
+        "misalignment_measured": correction.frame is not None,
+        "frame": correction.frame,
     }
     if document is not None:
         data["results"] = [
@@ -144,6 +168,8 @@ def calibration_files(
     if correction is None:
         return {}
     data = calibration_data(correction, document)
+    if analysis.others is not None:
+        data |= other_sensors(analysis.others)
     return {
         "calibration.json": json.dumps(data, indent=1, allow_nan=False) + "\n",
         f"{NAME}.c": snippet_c(correction),

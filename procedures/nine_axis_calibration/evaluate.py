@@ -77,7 +77,8 @@ def findings_with(
     if others is None:
         return findings_of(analyse(dataset, settings), dataset, inputs)
     other_results = results_of(others)
-    analysis = analyse(dataset, settings, inertial=other_results.inertial)
+    gyros = analyse(dataset, settings, inertial=other_results.inertial)
+    analysis = replace(gyros, others=other_results)
     return with_other_axes(findings_of(analysis, dataset, inputs), other_results)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, Tu
 from .pose import EAST_AXIS, Pose
 from .scale import ScaleSolution, Value
 from .turning import AxisMeans
+
+if TYPE_CHECKING:
+    from .all_axes.results import OtherResults
 
 BIAS, SCALE_FACTOR, ASYMMETRY = "bias", "scale_factor", "asymmetry"
 NONLINEARITY, MISALIGNMENT = "nonlinearity", "misalignment"
@@ -55,7 +59,8 @@ class NineAxisAnalysis(Analysis):
     Sensitivities of the estimates are derivatives by the inputs of type B, the priors among them.
     `axes` are the solutions of the turned axes by number, None where a turned axis could not be
     solved; `gain` (3, 3) is the output of gyro j per rate about axis i in [j, i] with its u, NaN
-    where unknown. `noise` is what the static records of each gyro show.
+    where unknown. `noise` is what the static records of each gyro show. `others` is what the other
+    six axes come to, None where nothing of them was recorded.
     """
 
     static: tuple[StaticSummary, ...]
@@ -65,6 +70,7 @@ class NineAxisAnalysis(Analysis):
     gain: Array
     gain_u: Array
     noise: tuple[NoiseCoefficients | None, ...]
+    others: OtherResults | None = None
 
 
 def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> list[Estimate]:

@@ -110,5 +110,5 @@ def test_asymmetry_that_is_noise_is_not_corrected_and_missing_results_make_no_fi
 def test_misalignments_that_were_not_recorded_count_as_zero() -> None:
     correction = correction_of(analyse(record(Setting(alone=True)), allan=False))
     assert correction is not None
-    assert not correction.cross
+    assert correction.frame is None
     assert np.count_nonzero(correction.inverse) == 3

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fault_truths import number
 from plan_runs import run_of, shipped_bench, shipped_plan
@@ -104,7 +106,33 @@ def test_all_nine_axes_come_back_in_one_frame(tmp_path: Path) -> None:
         assert abs(result.estimate.value - wanted) < WITHIN_U * result.combined.standard_uncertainty
         assert result.combined.standard_uncertainty < 8.0
     (folder,) = (tmp_path / "runs").iterdir()
+    hold_against_its_own_data(folder)
     assert {"pose -X", "pose X+Y", "-Z +60 deg/s"} <= set(RunFolder(folder).finished_units())
+
+
+def hold_against_its_own_data(folder: Path) -> None:
+    """Apply the calibration file to what the run recorded at rest: gravity and the earth's field.
+
+    The one is 1 g and the other 54,826 nT in every pose, wherever it points.
+    """
+    calibration = json.loads((folder / "calibration.json").read_text("utf-8"))
+    assert calibration["frame"] == "accelerometers"
+    recorded = RunFolder(folder)
+    for sensor, names, size, within in (
+        ("accelerometers", "accelerometer_{}_g", 1.0, 1e-4),
+        ("magnetometer", "magnetometer_{}_nT", 54826.0, 200.0),
+    ):
+        own = calibration[sensor]
+        assert own["frame"] == "accelerometers"
+        count = len(own["covariance"]["names"])
+        assert np.shape(own["covariance"]["matrix"]) == (count, count)
+        assert np.linalg.eigvalsh(own["covariance"]["matrix"]).min() > -1e-12
+        offset = np.array(own["bias" if sensor == "accelerometers" else "offset"])
+        for unit in ("pose -X", "pose -Y", "pose X+Y", "position 1"):
+            rows = recorded.rows("imu", unit)
+            mean = [np.nanmean(rows[names.format(axis)]) for axis in "xyz"]
+            true = np.array(own["inverse_gain"]) @ (np.array(mean) - offset)
+            assert abs(float(np.linalg.norm(true)) - size) < within, (sensor, unit)
 
 
 def test_a_pose_that_is_wrong_ends_the_run_safely_and_says_how_it_lies(tmp_path: Path) -> None:
