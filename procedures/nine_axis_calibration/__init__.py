@@ -147,12 +147,13 @@ PROCEDURE = Procedure(
     outlook=Later(f"{__name__}.outlook:outlook"),
     files=Later(f"{__name__}.calibration:files_of"),
     assumptions=(
-        "The three positions do not determine the accelerometers or the magnetometer: each feels "
-        "gravity or the field in too few directions. Their records are kept.",
+        "The three positions and the turns do not determine the accelerometers: none faces down. "
+        "`poses` adds directions that do.",
         "A scale factor is that along the table's axis. An input axis tilted by 10 arcmin reads "
         "4 ppm less; with one axis recorded that is not distinguished from K.",
         "Misalignments are towards the axes of the table as the sensor was mounted on it, so they "
-        "hold the fixture's own errors.",
+        "hold the fixture's own errors; towards the accelerometers where these are determined.",
+        "The biases are those of the positions 1 to 3: a gyro that feels gravity has it in them.",
         "The bias is that of this switch-on and temperature, with the gyros at rest. It is "
         "taken as the same in all positions; where it is not, the uncertainty is widened.",
     ),

@@ -181,7 +181,7 @@ def records_of_run(
         latitude_deg=parameters.latitude_deg,
         prior=prior_of(parameters.prior),
         static=tuple(static),
-        turns=tuple(one.turn for word, one in turned if word in AXES),
+        turns=tuple(record.turn for word, record in turned if word in AXES),
         largest_rate_deg_per_s=parameters.range_deg_per_s or limit or np.inf,
     )
     latitude_deg = parameters.latitude_deg

@@ -10,6 +10,7 @@ import numpy as np
 
 from station.report.numbers import format_duration, format_number
 
+from .all_axes.outlook import expected_inertial, outlook_of_other_axes
 from .attitude import GyroGain, StaticMeans, solve_biases
 from .dataset import Array, Prior
 from .parameters import NineAxisParameters
@@ -119,6 +120,11 @@ def outlook(parameters: NineAxisParameters) -> tuple[str, ...]:
     bias = float(np.max(expected.bias_deg_per_h))
     noise_ppm = PPM * expected.scale_factor
     total_ppm = math.hypot(noise_ppm, parameters.prior.clock_ppm)
+    accelerometers = expected_inertial(parameters, parameters.poses)
+    in_mounting = (
+        f"misalignment: u = {format_number(_leans_arcsec(parameters), 2)} arcsec, in the frame of "
+        "the mounting; noise adds next to nothing"
+    )
     return (
         f"{len(parameters.all_positions)} positions of "
         f"{format_duration(parameters.static_time_s)}, {len(turns)} records of whole turns, "
@@ -131,8 +137,8 @@ def outlook(parameters: NineAxisParameters) -> tuple[str, ...]:
         f"{format_number(PPM * expected.published_scale_factor, 2)} ppm as published, or where the "
         "rates differ beyond noise",
         f"asymmetry: u = {format_number(PPM * expected.asymmetry, 2)} ppm",
-        f"misalignment: u = {format_number(_leans_arcsec(parameters), 2)} arcsec, in the frame of "
-        "the mounting; noise adds next to nothing",
+        *(() if accelerometers is not None and accelerometers.gyros else (in_mounting,)),
+        *outlook_of_other_axes(parameters, accelerometers),
     )
 
 

@@ -131,7 +131,11 @@ def _rank(matrix: Array) -> int:
 
 def solve_inertial(data: OtherAxes) -> Inertial | None:
     """Return the fit; None where the directions do not determine the accelerometers."""
-    orientations = orientations_of(data)
+    return solve_orientations(orientations_of(data), data)
+
+
+def solve_orientations(orientations: Sequence[Orientation], data: OtherAxes) -> Inertial | None:
+    """Return the fit of what was felt in each direction; gravity and priors are those of `data`."""
     first, second = ranks(orientations)
     if not first:
         return None
@@ -163,7 +167,7 @@ def solve_inertial(data: OtherAxes) -> Inertial | None:
     up = _directions(whole, orientations, across)
     by_state = _jacobian(lambda x: _directions(x, orientations, across).ravel(), whole)
     return Inertial(
-        orientations,
+        tuple(orientations),
         whole,
         covariance,
         up,

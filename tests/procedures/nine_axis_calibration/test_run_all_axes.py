@@ -13,6 +13,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from test_run_nine_axis import SHORT
 
 from procedures.nine_axis_calibration.directions import ending, table_angles_deg, up_of
+from procedures.nine_axis_calibration.outlook import outlook
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from procedures.nine_axis_calibration.work import prompts
 from station.record.folder import RunFolder
@@ -142,6 +143,21 @@ def test_a_pose_that_is_wrong_ends_the_run_safely_and_says_how_it_lies(tmp_path:
     outcome = run_of(tmp_path, plan, bench)
     assert outcome.exit_code == 3
     assert "the sensor is to stand with X up; the accelerometers read +1.00" in str(outcome.error)
+
+
+def test_the_outlook_says_what_each_pose_adds() -> None:
+    parameters = shipped_plan(COMPLETE)["parameters"]
+    lines = outlook(NineAxisParameters.model_validate(parameters))
+    (whole,) = [line for line in lines if line.startswith("accelerometers: u = ")]
+    assert "misalignment in their frame" in whole
+    assert not [line for line in lines if "frame of the mounting" in line]
+    without = [line for line in lines if line.startswith("  without pose ")]
+    assert [line.split()[2] for line in without] == [f"{word}:" for word in parameters["poses"]]
+    edge = next(line for line in without if "X+Y" in line)
+    face = next(line for line in without if "-X" in line)
+    assert float(edge.split()[-2]) > 2.0 * float(face.split()[-2])
+    published = NineAxisParameters.model_validate(parameters | {"poses": [], "turned_down": []})
+    assert any(line.startswith("accelerometers: not determined") for line in outlook(published))
 
 
 @pytest.mark.parametrize(
