@@ -20,6 +20,7 @@ from .results import Results, results_of
 from .screening import Kept, Screened, screen
 
 SETTINGS = AnalysisSettings()
+DEAD = 1e-3
 METHODS = {"bias": "mean", "scale_factor_repeatability": "standard-deviation"}
 
 
@@ -35,7 +36,8 @@ class RateTableAnalysis(Analysis):
 def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) -> RateTableAnalysis:
     """Return the results of a dataset."""
     screened = screen(dataset, settings.outlier)
-    records = screened.kept
+    # A dead output has no scale factor, not one of zero.
+    records = screened.kept if abs(screened.scale) > DEAD else ()
     level = dataset.earth_level_deg_per_h
     within = within_records(records, dataset.sample_interval_s, level) if records else None
     fit = results = None
@@ -55,12 +57,12 @@ def end_variance(records: Sequence[Kept], accuracy_deg: float, scale: float) -> 
 
     The encoder's error comes back every turn: over whole turns it takes nothing away.
     """
-    found = []
-    for one in records:
-        apart_deg = 2.0 * accuracy_deg * abs(np.sin(np.pi * one.turns))
-        end_deg = np.sqrt(2.0) * one.record.angle_u_deg
-        found.append((apart_deg**2 + end_deg**2) / one.length_s**2)
-    return np.asarray(found) * (scale * SECONDS_PER_HOUR) ** 2
+    variances = []
+    for kept in records:
+        apart_deg = 2.0 * accuracy_deg * abs(np.sin(np.pi * kept.turns))
+        end_deg = np.sqrt(2.0) * kept.record.angle_u_deg
+        variances.append((apart_deg**2 + end_deg**2) / kept.length_s**2)
+    return np.asarray(variances) * (scale * SECONDS_PER_HOUR) ** 2
 
 
 def _estimates(
@@ -103,13 +105,13 @@ def _estimates(
             extra["rates"] = [
                 {
                     "rate_deg_per_s": float(rate),
-                    "scale_factor": float(one),
+                    "scale_factor": float(factor),
                     "u_ppm": float(u) * PPM,
                 }
-                for rate, one, u in zip(
+                for rate, factor, u in zip(
                     results.nominal, results.factors, results.factors_u, strict=True
                 )
-                if np.isfinite(one)
+                if np.isfinite(factor)
             ]
         estimates.append(
             Estimate(name, "IA", value, unit, measured.u, freedom, method, depends, extra)

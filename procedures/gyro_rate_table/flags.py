@@ -26,7 +26,10 @@ def data_flags(
     """Return the flags on samples and turns."""
     flags = _left_out(screened, settings)
     gaps = sum(
-        (gaps_of(one.time_s, dataset.sample_interval_s, settings.gap) for one in dataset.records),
+        (
+            gaps_of(record.time_s, dataset.sample_interval_s, settings.gap)
+            for record in dataset.records
+        ),
         Gaps(),
     )
     then = "the angle is taken over the samples that are there"
@@ -51,7 +54,7 @@ def data_flags(
 def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
     flags = []
     if screened.saturated:
-        rates = _rates([one.commanded_deg_per_s for one in screened.saturated])
+        rates = _rates([record.commanded_deg_per_s for record in screened.saturated])
         said = (
             f"Saturated: the output stands at its largest value at {_listed(rates)} deg/s; "
             f"{counted(len(screened.saturated), 'record')} left out."
@@ -63,7 +66,7 @@ def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
             "deviations from the table's rate and are left out."
         )
         flags.append(Flag("outliers-rejected", said, "IA", {"count": screened.wild}))
-    wild = sum(one.record.wild_readings for one in screened.kept)
+    wild = sum(kept.record.wild_readings for kept in screened.kept)
     if wild:
         said = f"Left out, for they do not fit the turn: {counted(wild, 'reading')} of the encoder."
         flags.append(Flag("outliers-rejected", said, "IA", {"count": wild, "what": "encoder"}))
@@ -83,11 +86,11 @@ def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
 
 def _turns(records: Sequence[Kept], settings: AnalysisSettings) -> list[Flag]:
     flags = []
-    turning = [one for one in records if one.record.commanded_deg_per_s]
+    turning = [kept for kept in records if kept.record.commanded_deg_per_s]
     part = [
-        one.record.commanded_deg_per_s
-        for one in turning
-        if abs(one.turns - round(one.turns)) > settings.part_turns * one.turns
+        kept.record.commanded_deg_per_s
+        for kept in turning
+        if abs(kept.turns - round(kept.turns)) > settings.part_turns * kept.turns
     ]
     if part:
         rates = _rates(part)
@@ -96,16 +99,16 @@ def _turns(records: Sequence[Kept], settings: AnalysisSettings) -> list[Flag]:
             "leaves there is solved for and taken off, an error of the encoder is not."
         )
         flags.append(Flag("part-turns", said, "IA", {"rates": rates}))
-    unsteady = [one for one in turning if bool(one.record.unsteady.any())]
+    unsteady = [kept for kept in turning if bool(kept.record.unsteady.any())]
     if unsteady:
-        rates = _rates([one.record.commanded_deg_per_s for one in unsteady])
-        count = sum(int(one.record.unsteady.sum()) for one in unsteady)
+        rates = _rates([kept.record.commanded_deg_per_s for kept in unsteady])
+        count = sum(int(kept.record.unsteady.sum()) for kept in unsteady)
         said = (
             f"By its encoder the table was not at its rate in {counted(count, 'sample')} at "
             f"{_listed(rates)} deg/s. Spin-up and settling belong into no record."
         )
         flags.append(Flag("unsteady-rate", said, "IA", {"count": count, "rates": rates}))
-    off = [one.table / 3600.0 / one.record.commanded_deg_per_s - 1.0 for one in turning]
+    off = [kept.table / 3600.0 / kept.record.commanded_deg_per_s - 1.0 for kept in turning]
     if off and max(map(abs, off)) > settings.rate_differs:
         worst = int(np.argmax(np.abs(off)))
         said = (
@@ -116,12 +119,12 @@ def _turns(records: Sequence[Kept], settings: AnalysisSettings) -> list[Flag]:
         flags.append(
             Flag("rate-differs-from-commanded", said, "IA", {"relative_difference": off[worst]})
         )
-    senses = {one.record.commanded_deg_per_s for one in turning}
-    single = _rates([one for one in senses if -one not in senses])
+    senses = {kept.record.commanded_deg_per_s for kept in turning}
+    single = _rates([rate for rate in senses if -rate not in senses])
     if single:
         said = f"At {_listed(single)} deg/s there is a usable record in one sense only."
         flags.append(Flag("one-sense-only", said, "IA", {"rates": single}))
-    count = len({abs(one) for one in senses})
+    count = len({abs(rate) for rate in senses})
     if 0 < count < FEWEST_RATES:
         said = f"The gyro was turned at {counted(count, 'rate')}; seven and more are usual."
         flags.append(Flag("outside-published-range", said, "IA", {"count": count}))
@@ -138,19 +141,19 @@ def result_flags(
     """Return the flags on the results: what is noise, what is not determined, what does not fit."""
     flags = []
     small = [
-        one.name
-        for one in estimates
-        if one.value is not None
-        and one.standard_uncertainty is not None
-        and one.name in ("nonlinearity", "nonlinearity_of_full_scale", "asymmetry")
-        and abs(one.value) < _bound(one.name, settings) * one.standard_uncertainty
+        estimate.name
+        for estimate in estimates
+        if estimate.value is not None
+        and estimate.standard_uncertainty is not None
+        and estimate.name in ("nonlinearity", "nonlinearity_of_full_scale", "asymmetry")
+        and abs(estimate.value) < _bound(estimate.name, settings) * estimate.standard_uncertainty
     ]
     if results is not None and results.agree and results.nonlinearity is not None:
         small += [n for n in ("nonlinearity",) if n not in small]
     if small:
         said = f"{_words(small)} cannot be distinguished from noise."
         flags.append(Flag("not-significant", said, "IA", {"coefficients": small}))
-    lost = [one.name for one in estimates if one.value is None]
+    lost = [estimate.name for estimate in estimates if estimate.value is None]
     if lost:
         said = f"The records do not determine {', '.join(lost)}."
         if lost == ["scale_factor_repeatability"]:
@@ -167,6 +170,14 @@ def result_flags(
             said = f"In switch-on {number} the bias drifts by {value:.3g} deg/h^2, u = {u:.2g}."
             details = {"ramp_deg_per_h2": value, "repeat": number}
             flags.append(Flag("drift-removed", said, "IA", details))
+    if fit.walk_gain > float(chdtri(1, BY_CHANCE)):
+        wander = float(np.sqrt(fit.walk))
+        said = (
+            f"The bias wanders by {wander:.2g} deg/h in an hour; that is in the uncertainties. A "
+            f"single disturbed record shows so, too; the furthest off is one "
+            f"{_worst(screened.kept, fit)}."
+        )
+        flags.append(Flag("bias-wanders", said, "IA", {"wander_deg_per_h": wander}))
     if fit.freedom > 0 and fit.chi_square > float(chdtri(fit.freedom, BY_CHANCE)):
         said = (
             "The records contradict one another beyond their noise and the walk of the bias: chi-"
@@ -179,8 +190,8 @@ def result_flags(
 
 def _worst(records: Sequence[Kept], fit: JointFit) -> str:
     number = int(np.argmax(np.abs(fit.residual) / fit.residual_u))
-    one = records[number].record
-    return f"that at {one.commanded_deg_per_s:g} deg/s in switch-on {one.repeat}"
+    record = records[number].record
+    return f"at {abs(record.commanded_deg_per_s):g} deg/s in switch-on {record.repeat}"
 
 
 def _bound(name: str, settings: AnalysisSettings) -> float:
@@ -190,11 +201,11 @@ def _bound(name: str, settings: AnalysisSettings) -> float:
 
 
 def _rates(rates: Sequence[float]) -> list[float]:
-    return sorted(set(rates), key=lambda one: (abs(one), -one))
+    return sorted(set(rates), key=lambda rate: (abs(rate), -rate))
 
 
 def _listed(rates: Sequence[float]) -> str:
-    return ", ".join(f"{one:g}" for one in rates)
+    return ", ".join(f"{rate:g}" for rate in rates)
 
 
 def _words(names: Sequence[str]) -> str:

@@ -80,7 +80,7 @@ def _records(table: Table, rate: Array, conditions: Conditions) -> Iterator[Reco
         (np.diff(repeat, prepend=np.nan) != 0.0) | (np.diff(commanded, prepend=np.nan) != 0.0)
     )
     faults: list[Fault] = []
-    found = []
+    records = []
     for start, stop in zip(begins.tolist(), [*begins[1:].tolist(), len(repeat)], strict=True):
         rows = slice(start, stop)
         nominal = float(commanded[start])
@@ -94,9 +94,9 @@ def _records(table: Table, rate: Array, conditions: Conditions) -> Iterator[Reco
         middle_s, own = end_s - 0.5 * interval_s, rate[rows]
         number = int(repeat[start])
         angles = (start_deg, end_deg, encoder.unsteady, encoder.wild)
-        found.append(Record(number, nominal, middle_s, own, *angles))
+        records.append(Record(number, nominal, middle_s, own, *angles))
     refuse(faults)
-    yield from found
+    yield from records
 
 
 def _against(
@@ -117,10 +117,10 @@ def _against(
 
 def _angle(read_s: Array, angle_deg: Array, at_s: Array, interval_s: float) -> Array:
     """Return the angle at times (n,), NaN where no reading is near on one of both sides."""
-    found = np.interp(at_s, read_s, angle_deg)
+    angle = np.interp(at_s, read_s, angle_deg)
     after = np.clip(np.searchsorted(read_s, at_s - SLACK * interval_s), 0, len(read_s) - 1)
     on = np.abs(read_s[after] - at_s) <= SLACK * interval_s
     before = np.maximum(after - 1, 0)
     around = (read_s[before] < at_s) & (at_s < read_s[after])
     near = around & (read_s[after] - read_s[before] < WIDE * interval_s)
-    return np.asarray(np.where(on | near, found, np.nan))
+    return np.asarray(np.where(on | near, angle, np.nan))

@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procedures.estimation.reml import Stretch, fit
+from procedures.estimation.reml import Stretch, components_at, fit
 
 from .dataset import SECONDS_PER_HOUR, Array
 from .noise import Within
 from .screening import Kept
 
 SAME_RATE = 1e-6
+WIDER = 0.7
+"""Standard uncertainties by which the walk is taken larger in u: its size is not well known."""
 DETERMINED = 1e-5
 """Singular values of scaled columns below this part of the largest are none."""
 
@@ -43,8 +45,8 @@ class JointFit:
 
     Columns stand as K_i (m), A, contrasts of d (n - 1), b (n), ramps in deg/h per h (n), c, s.
     `seen` (p, q) spans what the data determine of columns over their `width` (p,). `walk` is the
-    square of the walk's size in (deg/h)²/h; `chi_square` is that of the records about the solution,
-    with `freedom`.
+    square of the walk's size in (deg/h)²/h, `walk_gain` how much it lowers -2 ln L; `chi_square` is
+    that of the records about the solution, with `freedom`.
     """
 
     layout: Layout
@@ -53,6 +55,7 @@ class JointFit:
     seen: Array
     width: Array
     walk: float
+    walk_gain: float
     chi_square: float
     freedom: int
     residual: Array
@@ -85,10 +88,10 @@ class JointFit:
 
     def departures(self) -> Array:
         """Return the columns' part in each d_r, (n, p)."""
-        found = np.zeros((self.switch_ons, len(self.value)))
+        parts = np.zeros((self.switch_ons, len(self.value)))
         first = self.rates + 1
-        found[:, first : first + self.switch_ons - 1] = contrasts(self.switch_ons)
-        return found
+        parts[:, first : first + self.switch_ons - 1] = contrasts(self.switch_ons)
+        return parts
 
     def biases(self) -> Array:
         """Return the columns' part in each b_r, (n, p)."""
@@ -110,14 +113,14 @@ def contrasts(count: int) -> Array:
 
 def layout_of(records: Sequence[Kept]) -> Layout:
     """Return which record is of which rate and switch-on."""
-    nominal = np.array([abs(one.record.commanded_deg_per_s) for one in records])
+    nominal = np.array([abs(kept.record.commanded_deg_per_s) for kept in records])
     size = np.rint(nominal / SAME_RATE) * SAME_RATE
     rates = np.unique(size[size > 0.0])
     rate_of = np.where(size > 0.0, np.searchsorted(rates, size), -1)
-    table = np.array([abs(one.table) for one in records])
+    table = np.array([abs(kept.table) for kept in records])
     turned = np.array([table[rate_of == i].mean() for i in range(len(rates))])
-    repeats = tuple(dict.fromkeys(one.record.repeat for one in records))
-    repeat_of = np.array([repeats.index(one.record.repeat) for one in records])
+    repeats = tuple(dict.fromkeys(kept.record.repeat for kept in records))
+    repeat_of = np.array([repeats.index(kept.record.repeat) for kept in records])
     return Layout(turned, rates, repeats, rate_of, repeat_of)
 
 
@@ -127,10 +130,10 @@ def fit_records(
     """Return the joint solution; `own_variance` (r,) in (deg/h)² is what else each mean has."""
     layout = layout_of(records)
     columns = _columns(records, layout)
-    data = np.array([one.mean for one in records])
-    table = np.array([one.table for one in records])
+    data = np.array([kept.mean for kept in records])
+    table = np.array([kept.table for kept in records])
     data = data - np.where(layout.rate_of < 0, scale * table, 0.0)  # a table that hardly moves
-    lengths_s = np.array([one.length_s for one in records])
+    lengths_s = np.array([kept.length_s for kept in records])
     sigma = np.sqrt(within.variance(lengths_s) + own_variance)
     walk = _walk_covariance(records, layout) / np.outer(sigma, sigma)
     size, shape = np.linalg.eigh(walk)
@@ -151,12 +154,19 @@ def fit_records(
     parts = np.append(np.maximum(size, 0.0), [0.0, 0.0])[None]
     rest = np.ones(len(turned))
     freedom = len(turned) - rank
-    theta = np.zeros(1)
+    theta = theta_u = np.zeros(1)
+    gain = 0.0
     if freedom > 0 and parts.max() > 0.0:
-        theta = fit([Stretch(turned, parts, rest, reduced)]).theta
+        stretch = Stretch(turned, parts, rest, reduced)
+        components = fit([stretch])
+        theta, theta_u = components.theta, components.u
+        without = components_at([stretch], np.zeros(1))
+        gain = without.restricted_deviance - components.restricted_deviance
     variance = theta @ parts + rest
     weighted = reduced / variance[:, None]
     inverse = np.linalg.inv(reduced.T @ weighted)
+    wider = (theta + WIDER * theta_u) @ parts + rest
+    covariance = np.linalg.inv(reduced.T @ (reduced / wider[:, None]))
     solved = inverse @ (weighted.T @ turned)
     left = turned - reduced @ solved
     back = basis / width[:, None]
@@ -165,10 +175,11 @@ def fit_records(
     return JointFit(
         layout,
         value,
-        back @ inverse @ back.T,
+        back @ covariance @ back.T,
         basis,
         width,
         float(theta[0]),
+        gain,
         float(left**2 @ (1.0 / variance)),
         freedom,
         apart,
@@ -178,7 +189,7 @@ def fit_records(
 
 def _columns(records: Sequence[Kept], layout: Layout) -> Array:
     count = len(records)
-    table = np.where(layout.rate_of < 0, 0.0, [one.table for one in records])
+    table = np.where(layout.rate_of < 0, 0.0, [kept.table for kept in records])
     own_rate = np.zeros((count, len(layout.rates)))
     turning = np.flatnonzero(layout.rate_of >= 0)
     own_rate[turning, layout.rate_of[turning]] = table[turning]
@@ -187,7 +198,7 @@ def _columns(records: Sequence[Kept], layout: Layout) -> Array:
     time_h = _middles_h(records)
     mean_h = own_repeat.T @ time_h / own_repeat.sum(axis=0)
     ramps = own_repeat * (time_h - mean_h[layout.repeat_of])[:, None]
-    waves = np.array([one.waves.mean(axis=0) for one in records])
+    waves = np.array([kept.waves.mean(axis=0) for kept in records])
     return np.column_stack((own_rate, np.abs(table), departures, own_repeat, ramps, waves))
 
 
@@ -197,7 +208,7 @@ def _walk_covariance(records: Sequence[Kept], layout: Layout) -> Array:
     Its mean over the records of a switch-on is zero.
     """
     time_h = _middles_h(records)
-    length_h = np.array([one.length_s for one in records]) / SECONDS_PER_HOUR
+    length_h = np.array([kept.length_s for kept in records]) / SECONDS_PER_HOUR
     same = np.equal.outer(layout.repeat_of, layout.repeat_of)
     covariance = np.where(same, np.minimum.outer(time_h, time_h), 0.0)
     covariance[np.diag_indices_from(covariance)] -= length_h / 6.0
@@ -207,5 +218,6 @@ def _walk_covariance(records: Sequence[Kept], layout: Layout) -> Array:
 
 def _middles_h(records: Sequence[Kept]) -> Array:
     return (
-        np.array([float(one.record.time_s[one.good].mean()) for one in records]) / SECONDS_PER_HOUR
+        np.array([float(kept.record.time_s[kept.good].mean()) for kept in records])
+        / SECONDS_PER_HOUR
     )

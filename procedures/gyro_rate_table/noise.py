@@ -48,7 +48,9 @@ def within_records(
     for _ in range(2):
         # The wave is small beside a sample's noise: twice is enough.
         amplitude: Array = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
-        stretches = [one for kept in records for one in _stretches(kept, interval_s, amplitude)]
+        stretches = [
+            stretch for kept in records for stretch in _stretches(kept, interval_s, amplitude)
+        ]
         if not stretches:
             return None
         squares = fit(stretches).theta
@@ -65,10 +67,12 @@ def within_records(
 def _stretches(kept: Kept, interval_s: float, amplitude: Array) -> list[Stretch]:
     """Return a record's unbroken stretches in cosine coefficients."""
     level = kept.residual - kept.waves @ amplitude
-    found = []
+    stretches = []
     for piece in np.split(level, np.flatnonzero(np.diff(kept.index) != 1.0) + 1):
-        if len(piece) >= SHORTEST:
+        if len(piece) >= SHORTEST and float(np.ptp(piece)) > 0.0:
             parts = noise_variances(len(piece), interval_s)[:2]
             count = len(piece) - 1
-            found.append(Stretch(coefficients(piece), parts, np.zeros(count), np.zeros((count, 0))))
-    return found
+            stretches.append(
+                Stretch(coefficients(piece), parts, np.zeros(count), np.zeros((count, 0)))
+            )
+    return stretches

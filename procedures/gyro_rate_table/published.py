@@ -23,25 +23,25 @@ def published_values(records: Sequence[Kept], earth_deg_per_h: float) -> list[Pu
     """Return what the rules give on the same data, None where they cannot run."""
     values: dict[str, float | None] = dict.fromkeys(UNITS)
     del values["nonlinearity"]
-    repeats = list(dict.fromkeys(one.record.repeat for one in records))
+    repeats = list(dict.fromkeys(kept.record.repeat for kept in records))
     lines, rests = [], []
     for repeat in repeats:
-        own = [one for one in records if one.record.repeat == repeat]
-        rest = [one.mean for one in own if not one.record.commanded_deg_per_s]
-        turned = [one for one in own if one.record.commanded_deg_per_s]
+        own = [kept for kept in records if kept.record.repeat == repeat]
+        rest = [kept.mean for kept in own if not kept.record.commanded_deg_per_s]
+        turned = [kept for kept in own if kept.record.commanded_deg_per_s]
         if not rest or len(turned) < 2:
             continue
         rests.append(float(np.mean(rest)))
-        rate = np.array([one.record.commanded_deg_per_s for one in turned]) * SECONDS_PER_HOUR
-        lines.append(_line(rate, np.array([one.mean for one in turned]) - rests[-1]))
+        rate = np.array([kept.record.commanded_deg_per_s for kept in turned]) * SECONDS_PER_HOUR
+        lines.append(_line(rate, np.array([kept.mean for kept in turned]) - rests[-1]))
     if lines:
-        scale = float(np.mean([one[0] for one in lines]))
+        scale = float(np.mean([line[0] for line in lines]))
         values["scale_factor"] = scale
-        values["nonlinearity_of_full_scale"] = float(np.mean([one[1] for one in lines]))
-        values["asymmetry"] = float(np.mean([one[2] for one in lines]))
+        values["nonlinearity_of_full_scale"] = float(np.mean([line[1] for line in lines]))
+        values["asymmetry"] = float(np.mean([line[2] for line in lines]))
         values["bias"] = float(np.mean(rests)) - earth_deg_per_h
     if len(lines) > 1:
-        spread = float(np.std([one[0] for one in lines], ddof=1))
+        spread = float(np.std([line[0] for line in lines], ddof=1))
         values["scale_factor_repeatability"] = PPM * spread / abs(scale)
     methods = {"bias": "mean", "scale_factor_repeatability": "standard-deviation"}
     return [

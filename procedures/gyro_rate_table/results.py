@@ -48,7 +48,7 @@ def results_of(fit: JointFit) -> Results:
     line = (rates**2 @ ratios) / float(rates @ rates) if len(rates) else np.zeros(width)
     has_line = bool(len(rates)) and fit.determined(line)
     scale = float(line @ fit.value)
-    seen = np.array([fit.determined(one) for one in ratios], dtype=bool)
+    seen = np.array([fit.determined(ratio) for ratio in ratios], dtype=bool)
     factors = np.where(seen, ratios @ fit.value, np.nan)
     factors_u = np.where(seen, _u(fit, ratios), np.nan)
     spread = _spread(fit) if has_line else None
@@ -123,7 +123,7 @@ class _Spread:
 
 def _spread(fit: JointFit) -> _Spread | None:
     parts = fit.departures()
-    if fit.switch_ons < 2 or not all(fit.determined(one) for one in parts):
+    if fit.switch_ons < 2 or not all(fit.determined(part) for part in parts):
         return None
     value = parts @ fit.value
     noise = parts @ fit.covariance @ parts.T
@@ -144,12 +144,12 @@ def _scale_factor(fit: JointFit, line: Array, spread: _Spread | None) -> Measure
 
     Of n switch-ons the spread has n - 1 degrees of freedom (Welch and Satterthwaite).
     """
-    one = _measured(fit, line)
+    measured = _measured(fit, line)
     if spread is None:
-        return one
+        return measured
     scattered = max(spread.square - spread.own, 0.0) / spread.count
-    variance = one.u**2 + scattered
+    variance = measured.u**2 + scattered
     freedom = None
     if scattered > 0.0:
         freedom = (spread.count - 1) * (variance / scattered) ** 2
-    return Measured(one.value, float(np.sqrt(variance)), freedom)
+    return Measured(measured.value, float(np.sqrt(variance)), freedom)

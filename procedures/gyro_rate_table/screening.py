@@ -60,13 +60,15 @@ def screen(dataset: RateTableDataset, beyond: float) -> Screened:
 
     Saturated records go whole: what is cut off at one end makes the mean of the others wrong.
     """
-    cut = [one for one in dataset.records if is_saturated(one, dataset.records)]
-    records = [one for one in dataset.records if not any(one is other for other in cut)]
+    cut = [record for record in dataset.records if is_saturated(record, dataset.records)]
+    records = [record for record in dataset.records if not any(record is other for other in cut)]
     t0 = dataset.sample_interval_s
     scale = rough_scale(records, t0)
     frozen = frozen_samples(records)
-    known = [np.isfinite(one.table_deg_per_interval) for one in records]
-    apart = [one.rate_deg_per_s - scale * one.table_deg_per_interval / t0 for one in records]
+    known = [np.isfinite(record.table_deg_per_interval) for record in records]
+    apart = [
+        record.rate_deg_per_s - scale * record.table_deg_per_interval / t0 for record in records
+    ]
     usable = [k & ~f for k, f in zip(known, frozen, strict=True)]
     sigmas = [robust_sigma(a[u]) for a, u in zip(apart, usable, strict=True) if u.sum() > FEWEST]
     usual = float(np.median(sigmas)) if sigmas else 0.0
@@ -82,9 +84,11 @@ def screen(dataset: RateTableDataset, beyond: float) -> Screened:
     wild = sum(int(np.sum(u & ~g)) for u, g in zip(usable, good, strict=True))
     shift = stamp_shift(records, good, scale, t0)
     if shift is not None:
-        good = [g & steady(one) for g, one in zip(good, records, strict=True)]
-    kept = tuple(_kept(one, g, scale, t0) for one, g in zip(records, good, strict=True) if g.any())
-    stood = sum(int(one.sum()) for one in frozen)
+        good = [g & steady(record) for g, record in zip(good, records, strict=True)]
+    kept = tuple(
+        _kept(record, g, scale, t0) for record, g in zip(records, good, strict=True) if g.any()
+    )
+    stood = sum(int(mask.sum()) for mask in frozen)
     return Screened(kept, wild, stood, tuple(cut), shift is not None, shift, scale)
 
 
@@ -112,22 +116,22 @@ def _kept(record: Record, good: Mask, scale: float, t0: float) -> Kept:
 
 def rough_scale(records: Sequence[Record], t0: float) -> float:
     """Return the scale factor as the median over the turning records, 1 without any."""
-    found = []
-    for one in records:
-        table = one.table_deg_per_interval / t0
+    ratios = []
+    for record in records:
+        table = record.table_deg_per_interval / t0
         known = np.isfinite(table)
-        if one.commanded_deg_per_s and known.any() and float(np.median(table[known])):
-            ratio = np.median(one.rate_deg_per_s[known]) / np.median(table[known])
-            found.append(float(ratio))
-    return float(np.median(found)) if found else 1.0
+        if record.commanded_deg_per_s and known.any() and float(np.median(table[known])):
+            ratio = np.median(record.rate_deg_per_s[known]) / np.median(table[known])
+            ratios.append(float(ratio))
+    return float(np.median(ratios)) if ratios else 1.0
 
 
 def is_saturated(record: Record, records: Sequence[Record]) -> bool:
     """Return whether the output of a record is cut off, judged by the records of lower rates."""
     own = abs(record.commanded_deg_per_s)
     slower = [
-        one.rate_deg_per_s for one in records if 0.0 < abs(one.commanded_deg_per_s) < own
-    ] or [one.rate_deg_per_s for one in records if abs(one.commanded_deg_per_s) < own]
+        other.rate_deg_per_s for other in records if 0.0 < abs(other.commanded_deg_per_s) < own
+    ] or [other.rate_deg_per_s for other in records if abs(other.commanded_deg_per_s) < own]
     return bool(own) and stands_at_top(record.rate_deg_per_s, slower)
 
 
@@ -136,10 +140,10 @@ def frozen_samples(records: Sequence[Record]) -> list[Mask]:
 
     Of coarse output, whose neighbours often are alike, none.
     """
-    outputs = [one.rate_deg_per_s for one in records]
-    new = [float(np.mean(np.diff(one) != 0.0)) for one in outputs if len(one) > 1]
+    outputs = [record.rate_deg_per_s for record in records]
+    new = [float(np.mean(np.diff(output) != 0.0)) for output in outputs if len(output) > 1]
     if not new or float(np.median(new)) < ALWAYS_NEW:
-        return [np.zeros(len(one), dtype=bool) for one in outputs]
+        return [np.zeros(len(output), dtype=bool) for output in outputs]
     return repeated_windows(outputs)
 
 
@@ -161,11 +165,11 @@ def stamp_shift(
     Where the table gains or loses speed, output and angle of different intervals do not agree.
     """
     apart, steps = [], []
-    for one, use in zip(records, good, strict=True):
-        known = np.isfinite(one.table_deg_per_interval)
-        if known.sum() < 5 or not bool(one.unsteady.any()):
+    for record, use in zip(records, good, strict=True):
+        known = np.isfinite(record.table_deg_per_interval)
+        if known.sum() < 5 or not bool(record.unsteady.any()):
             continue
-        table = one.table_deg_per_interval / t0
+        table = record.table_deg_per_interval / t0
         step = np.zeros(len(table))
         step[1:-1] = 0.5 * (table[2:] - table[:-2])
         near = known.copy()
@@ -173,10 +177,10 @@ def stamp_shift(
         near[[0, -1]] = False
         usual = float(np.median(np.abs(step[near]))) if near.any() else 0.0
         moving = near & (np.abs(step) > FAR_STEPS * usual)
-        left = one.rate_deg_per_s - scale * table
+        left = record.rate_deg_per_s - scale * table
         apart.append((left - np.median(left[use]) if use.any() else left)[moving])
         steps.append(scale * step[moving])
-    if not steps or sum(len(one) for one in steps) < FEWEST:
+    if not steps or sum(len(step) for step in steps) < FEWEST:
         return None
     x, y = np.concatenate(steps), np.concatenate(apart)
     slope = float(x @ y / (x @ x))

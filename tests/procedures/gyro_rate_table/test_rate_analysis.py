@@ -23,7 +23,8 @@ def test_scale_factor_and_asymmetry_reach_the_bound(case: str) -> None:
     found, bound = trials(CASES[case], 3), bounds(CASES[case])
     for name, factor in (("scale_factor", PPM), ("asymmetry", 1.0)):
         u = float(np.median(found[name].u)) * factor
-        assert 0.8 < u / bound[name] < 1.25, name
+        # The walk is not well known, and taken larger in u.
+        assert 0.9 < u / bound[name] < 1.5, name
         assert np.all(np.abs(found[name].errors) < 4.0 * found[name].u)
 
 
@@ -91,7 +92,9 @@ def test_a_record_that_another_disturbed_does_not_fit() -> None:
     bad = next(n for n, one in enumerate(records) if one.commanded_deg_per_s == -20.0)
     records[bad] = replace(records[bad], rate_deg_per_s=records[bad].rate_deg_per_s + 1e-3)
     analysis = analyse(replace(case.dataset, records=tuple(records)))
-    assert "misfit" in codes(analysis) or (analysis.fit is not None and analysis.fit.walk > 1.0)
+    (flag,) = [flag for flag in analysis.flags if flag.code == "bias-wanders"]
+    assert "at 20 deg/s in switch-on 1" in flag.message
+    assert "bias-wanders" not in codes(analyse(case.dataset))
 
 
 def test_without_standing_records_the_published_rule_has_nothing_to_take_off() -> None:

@@ -152,6 +152,12 @@ def test_a_table_that_stands_gives_the_bias_alone(tmp_path: Path) -> None:
     assert value(findings, "bias") == pytest.approx(0.4, abs=0.1)
 
 
+def test_a_dead_output_has_no_scale_factor(tmp_path: Path) -> None:
+    findings = findings_with(tmp_path, lambda r: [*r[:3], "0", r[4]])
+    assert all(estimate.value is None for estimate in findings.estimates)
+    assert {"contradicts-statement", "not-identifiable"} <= codes(findings)
+
+
 @pytest.mark.parametrize("stamp", ["interval-start", "interval-middle"])
 def test_stamps_say_which_instant_the_angle_is_of(tmp_path: Path, stamp: str) -> None:
     head, *rows = lines(made(np.random.default_rng(7), SHORT))
