@@ -86,7 +86,7 @@ def test_ctrl_c_leaves_the_run_alone(copy: Path, capsys: pytest.CaptureFixture[s
 
     watch_status(copy, wait)
     lock.release()
-    assert "the run is not touched" in capsys.readouterr().err
+    assert "the run is not affected" in capsys.readouterr().err
     assert (copy / EVENTS).read_bytes() == before
 
 
