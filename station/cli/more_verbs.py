@@ -92,11 +92,29 @@ def verify(
     raise typer.Exit(verify_runs(runs, as_json=json))
 
 
+def sign(
+    run: Annotated[Path | None, typer.Argument(help="Run folder.", callback=named_run)] = None,
+    key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
+    signer: Annotated[str, typer.Option(help="Who signs.")] = "",
+    new_key: Annotated[Path | None, typer.Option(help="Make a private key here.")] = None,
+) -> None:
+    """Sign an unchanged run folder with the laboratory's key."""
+    from station.cli.verifying import make_key, sign_run
+
+    if new_key is not None:
+        make_key(new_key)
+    elif run is None or key is None or not signer:
+        raise typer.BadParameter("give RUN, --key and --signer; or --new-key FILE for a first key")
+    else:
+        raise typer.Exit(sign_run(run, key, signer))
+
+
 def add_to(app: typer.Typer) -> None:
     """Add the verbs to the command line."""
     app.command()(sim)
     app.command()(panel)
     app.command()(schema)
     app.command()(verify)
+    app.command()(sign)
     app.command()(history)
     app.command()(compare)

@@ -8,9 +8,14 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+from station.clock import utc_now
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED
 from station.history.place import is_kept
+from station.record.signatures import Signature, new_key, sign
 from station.record.verification import Verification, verify
+
+SHOWN = 16
+"""Digits of a key's SHA-256 that people compare."""
 
 
 def verify_runs(folders: Sequence[Path], *, as_json: bool) -> int:
@@ -37,7 +42,7 @@ def held_against_history(verification: Verification, folder: Path) -> Verificati
     if verification.changed or not verification.proven or not is_kept(parent):
         return verification
     from station.history.store import History
-    from station.history.summary import head_of
+    from station.record.signatures import head_of
 
     with closing(History(parent)) as history:
         known = history.head_of(folder.resolve().name)
@@ -59,4 +64,28 @@ def lines(verification: Verification) -> list[str]:
             f"{verification.run}: not proven: it has no manifest, so its run was killed; its log, "
             "its inputs and its raw blocks agree with their own check sums"
         ]
-    return [f"{verification.run}: unchanged, {verification.files} files"]
+    return [
+        f"{verification.run}: unchanged, {verification.files} files",
+        *map(_signed, verification.signatures),
+    ]
+
+
+def _signed(signature: Signature) -> str:
+    """Return what a signature is worth, for people."""
+    what = "signed" if signature.state == "valid" else "an earlier state was signed"
+    return f"  {what} by {signature.signer} at {signature.time}, key {signature.key[:SHOWN]}"
+
+
+def make_key(path: Path) -> None:
+    """Make a private key and print what stands for it."""
+    print(f"{path}: private key, keep it; what it signs has key {new_key(path)[:SHOWN]}")
+
+
+def sign_run(folder: Path, key: Path, signer: str) -> int:
+    """Sign a run folder that is unchanged; return 1, unsigned, where it is not."""
+    verification = held_against_history(verify(folder), folder)
+    if verification.changed:
+        print("\n".join([*lines(verification), "not signed"]))
+        return EXIT_OUTSIDE_LIMIT
+    print(f"{folder}:\n{_signed(sign(folder, key, signer, utc_now()))}")
+    return EXIT_DONE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -14,7 +13,8 @@ import yaml
 
 from station.errors import InputError
 from station.record.folder import RESULTS
-from station.record.layout import BENCH, EVENTS, MANIFEST, PLAN, RUN
+from station.record.layout import BENCH, EVENTS, PLAN, RUN
+from station.record.signatures import head_of
 
 IDENTIFIED = b'"event": "identified"'
 RUN_STARTED = "run-started"
@@ -70,17 +70,6 @@ def _summary(folder: Path) -> RunSummary:
         "head": head_of(folder),
     }
     return RunSummary(run, tuple(_results(document)), tuple(_instruments(whole)))
-
-
-def head_of(folder: Path) -> str:
-    """Return the SHA-256 that stands for a whole run folder: that of its manifest.
-
-    The manifest holds that of every file, of the log too, whose lines hold one another's. A run
-    that was killed has no manifest: then it is the SHA-256 of its log.
-    """
-    manifest = folder / MANIFEST
-    sealed = manifest if manifest.is_file() else folder / EVENTS
-    return hashlib.sha256(sealed.read_bytes()).hexdigest()
 
 
 def _results(document: Row) -> Iterator[Row]:

@@ -113,7 +113,8 @@ def next_segment(raw: Path) -> int:
 
 MANIFEST = "manifest.json"
 LOCK = "run.lock"
-NOT_COVERED = ("exports", "revisions", LOCK)
+SIGNATURES = "signatures"
+NOT_COVERED = ("exports", "revisions", SIGNATURES, LOCK)
 """Remade reports are no evidence; each revision has a manifest of its own; the lock is empty."""
 
 

@@ -18,9 +18,11 @@ from station.record.layout import (
     MANIFEST,
     NOT_COVERED,
     REVISIONS,
+    SIGNATURES,
     covered_files,
     manifest_text,
 )
+from station.record.signatures import Signature, signatures_of
 
 
 @dataclass(frozen=True)
@@ -28,13 +30,14 @@ class Verification:
     """What became of a run folder since its manifest was written.
 
     `changed` has a sentence for each file; `proven` says that there is a manifest, and so that
-    nothing else was changed; `files` is how many it names.
+    nothing else was changed; `files` is how many it names. `signatures` are those it holds.
     """
 
     run: str
     changed: tuple[str, ...]
     proven: bool
     files: int
+    signatures: tuple[Signature, ...] = ()
 
     def to_data(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -44,6 +47,7 @@ class Verification:
             "state": state,
             "files": self.files,
             "changed": list(self.changed),
+            "signatures": [signature.to_data() for signature in self.signatures],
         }
 
 
@@ -65,7 +69,14 @@ def verify(folder: Path) -> Verification:
         else:
             changes += _against_manifest(revision)
     proven = (folder / MANIFEST).is_file()
-    return Verification(str(folder), tuple(dict.fromkeys(changes)), proven, len(_listed(folder)))
+    signatures = tuple(signatures_of(folder))
+    changes += [
+        f"{folder / SIGNATURES / signature.signer} is no signature of this run: it was altered"
+        for signature in signatures
+        if signature.state == "forged"
+    ]
+    changed = tuple(dict.fromkeys(changes))
+    return Verification(str(folder), changed, proven, len(_listed(folder)), signatures)
 
 
 def _listed(folder: Path) -> dict[str, str]:

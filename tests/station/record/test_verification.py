@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from station.cli.verifying import verify_runs
+from station.cli.verifying import sign_run, verify_runs
 from station.errors import EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.files.locks import FileLock
 from station.record.layout import LOCK, MANIFEST, NOT_COVERED
+from station.record.signatures import new_key
 from station.record.verification import verify
 
 BITS_EACH = 4
@@ -102,3 +103,52 @@ def test_what_is_no_run_and_what_is_running_is_refused(run: Path, tmp_path: Path
             verify(run)
     finally:
         lock.release()
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> Path:
+    """A laboratory's private key."""
+    new_key(tmp_path / "key.pem")
+    return tmp_path / "key.pem"
+
+
+def test_a_signed_run_says_who_signed_it_and_when(
+    run: Path, key: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert key.stat().st_mode & 0o777 == 0o600
+    assert sign_run(run, key, "A. Metrologist") == 0
+    assert verify_runs([run], as_json=False) == 0
+    assert "signed by A. Metrologist at 20" in capsys.readouterr().out
+    (signature,) = verify(run).signatures
+    assert (signature.state, len(signature.key)) == ("valid", 64)
+
+
+def test_a_signature_of_another_state_counts_for_that_one_alone(run: Path, key: Path) -> None:
+    sign_run(run, key, "A")
+    manifest = run / MANIFEST
+    manifest.write_bytes(manifest.read_bytes() + b"\n")
+    assert [signature.state for signature in verify(run).signatures] == ["earlier"]
+    assert sign_run(run, key, "A") == EXIT_OUTSIDE_LIMIT
+    assert len(list((run / "signatures").iterdir())) == 1
+
+
+@pytest.mark.parametrize("what", ["signed", "signature", "public_key"])
+def test_a_signature_that_was_altered_is_named(run: Path, key: Path, what: str) -> None:
+    sign_run(run, key, "A")
+    (path,) = (run / "signatures").iterdir()
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    kept[what] = kept[what][::-1]
+    path.write_text(json.dumps(kept), encoding="utf-8")
+    (sentence,) = verify(run).changed
+    assert sentence == f"{path} is no signature of this run: it was altered"
+
+
+def test_a_key_that_is_none_is_refused_and_no_key_is_overwritten(run: Path, key: Path) -> None:
+    with pytest.raises(InputError, match="cannot write the key"):
+        new_key(key)
+    key.write_text("no key", encoding="utf-8")
+    with pytest.raises(InputError, match="cannot read the key"):
+        sign_run(run, key, "A")
+    (run / MANIFEST).unlink()
+    with pytest.raises(InputError, match="sign a run once it has ended"):
+        sign_run(run, key, "A")
