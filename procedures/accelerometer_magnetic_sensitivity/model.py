@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.orthogonal import split_columns
+from procedures.estimation.folding import folded_terms, tidy
 from station.findings import combination_text
 
 Array = NDArray[np.float64]
@@ -42,12 +42,8 @@ FIELD_POWER = {"Km": 1, "Kmm": 2, "Kim": 1, "Kom": 1, "Kpm": 1}
 """By which power of the field each column grows; the others do not."""
 PLANES = ("io", "ip", "op", "level")
 """The plane of IA, OA, PA that gravity turns in; `level`: the axis of rotation is vertical."""
-SMALLEST_RMS = 1e-6
-"""A column is dependent when its part orthogonal to the kept ones has an rms below this."""
 MOVED = 1e-4
 """The noise of a gaussmeter moves no combination by so much."""
-SMALLEST_TERM = 5e-6
-"""What a dependent column may seem to have of a kept one by the tolerance above."""
 
 
 def accelerations(plane: Names, theta_rad: Array, gravity_g: float = 1.0) -> Array:
@@ -149,7 +145,7 @@ class Identifiability:
                 share = float(shares[row, j])
                 moved = abs(share - own.get(folded, 0.0)) * scale[COEFFICIENTS.index(name)]
                 if moved > MOVED * scale[j]:
-                    own[folded] = _tidy(float(f"{share:.9g}"))
+                    own[folded] = tidy(float(f"{share:.9g}"))
             terms[name] = own
         return Identifiability(terms, self.folded, self.unexcited)
 
@@ -168,24 +164,10 @@ def judge(
     largest_T = float(np.max(np.abs(field_T))) or 1.0
     acceleration_g = accelerations(plane, np.radians(theta_deg), gravity_g)
     columns = model_columns(acceleration_g, field_T / largest_T)
-    split = split_columns(columns, SMALLEST_RMS)
-    scale = field_scales(largest_T)
-    terms: dict[str, dict[str, float]] = {}
-    for row, index in enumerate(split.kept):
-        own: dict[str, float] = {COEFFICIENTS[index]: 1.0}
-        for j, name in enumerate(COEFFICIENTS):
-            share = float(split.folds[row, j])
-            if j not in split.kept and abs(share) > SMALLEST_TERM:
-                # c_j X_j = c_j F f_i, both columns over their scales: F s_j / s_i in true units.
-                own[name] = _tidy(round(share, 9) * float(scale[j] / scale[index]))
-        terms[COEFFICIENTS[index]] = own
+    terms = folded_terms(COEFFICIENTS, columns, field_scales(largest_T))
     folded = tuple(name for name in COEFFICIENTS if name not in terms)
     held = {name for own in terms.values() for name in own}
     return Identifiability(terms, folded, tuple(name for name in folded if name not in held))
-
-
-def _tidy(value: float) -> float:
-    return float(f"{value:.12g}")
 
 
 def describe(determined: Identifiability) -> tuple[str, ...]:
