@@ -50,8 +50,8 @@ def findings_of_run(folder: RunFolder, parameters: RateTableParameters, bench: B
 def clock_input(u_ppm: float, source: str) -> Iterator[InputQuantity]:
     """Yield the rate of the clock by which angles become rates; pulses need none."""
     if u_ppm > 0.0:
-        said = "rate of the clock that stamps the angles"
-        yield InputQuantity("clock", said, u_ppm * PPM, "1", source)
+        about = "rate of the clock that stamps the angles"
+        yield InputQuantity("clock", about, u_ppm * PPM, "1", source)
 
 
 def mounting_inputs(
@@ -62,9 +62,9 @@ def mounting_inputs(
     A lean takes 1 - cos of it off the scale factor.
     """
     if alignment_arcmin > 0.0:
-        said = f"input axis along the table's within {alignment_arcmin:g} arcmin"
+        about = f"input axis along the table's within {alignment_arcmin:g} arcmin"
         u = 1.0 - math.cos(alignment_arcmin / ARCMIN_PER_RAD)
-        yield InputQuantity("alignment", said, u, "1", source)
+        yield InputQuantity("alignment", about, u, "1", source)
     if level_arcmin > 0.0:
-        said = f"table's axis vertical within {level_arcmin:g} arcmin"
-        yield InputQuantity("level", said, level_arcmin / ARCMIN_PER_RAD, "rad", source)
+        about = f"table's axis vertical within {level_arcmin:g} arcmin"
+        yield InputQuantity("level", about, level_arcmin / ARCMIN_PER_RAD, "rad", source)

@@ -36,18 +36,18 @@ def data_flags(
     flags += gaps.flags("The records have", dataset.sample_interval_s, then, "IA")
     flags += _turns(screened.kept, settings)
     if screened.shift is not None:
-        said = (
+        sentence = (
             f"Where the table changes its rate the gyro follows {screened.shift:.2g} samples after "
             "the stamps: look at `timestamp`. Samples from while the table was not at its rate are "
             "left out."
         )
-        flags.append(contradiction("timestamp", said, "IA", samples=screened.shift))
+        flags.append(contradiction("timestamp", sentence, "IA", samples=screened.shift))
     if abs(screened.scale - 1.0) > SCALE_DIFFERS:
-        said = (
+        sentence = (
             f"The gyro reads {screened.scale:.4g} of the rate that the encoder shows: look whether "
             "its input axis points up, and at the unit of its output."
         )
-        flags.append(contradiction("gyro_output", said, "IA", ratio=screened.scale))
+        flags.append(contradiction("gyro_output", sentence, "IA", ratio=screened.scale))
     return flags
 
 
@@ -55,21 +55,23 @@ def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
     flags = []
     if screened.saturated:
         rates = _rates([record.commanded_deg_per_s for record in screened.saturated])
-        said = (
+        sentence = (
             f"Saturated: the output stands at its largest value at {_listed(rates)} deg/s; "
             f"{counted(len(screened.saturated), 'record')} left out."
         )
-        flags.append(Flag("overload", said, "IA", {"rates": rates}))
+        flags.append(Flag("overload", sentence, "IA", {"rates": rates}))
     if screened.wild:
-        said = (
+        sentence = (
             f"{counted(screened.wild, 'sample')} of IA lie more than {settings.outlier:g} standard "
             "deviations from the table's rate and are left out."
         )
-        flags.append(Flag("outliers-rejected", said, "IA", {"count": screened.wild}))
+        flags.append(Flag("outliers-rejected", sentence, "IA", {"count": screened.wild}))
     wild = sum(kept.record.wild_readings for kept in screened.kept)
     if wild:
-        said = f"Left out, for they do not fit the turn: {counted(wild, 'reading')} of the encoder."
-        flags.append(Flag("outliers-rejected", said, "IA", {"count": wild, "what": "encoder"}))
+        sentence = (
+            f"Left out, for they do not fit the turn: {counted(wild, 'reading')} of the encoder."
+        )
+        flags.append(Flag("outliers-rejected", sentence, "IA", {"count": wild, "what": "encoder"}))
     if screened.frozen:
         flags.append(
             frozen(
@@ -94,40 +96,40 @@ def _turns(records: Sequence[Kept], settings: AnalysisSettings) -> list[Flag]:
     ]
     if part:
         rates = _rates(part)
-        said = (
+        sentence = (
             f"The table did not turn whole turns at {_listed(rates)} deg/s; what the earth's rate "
             "leaves there is solved for and taken off, an error of the encoder is not."
         )
-        flags.append(Flag("part-turns", said, "IA", {"rates": rates}))
+        flags.append(Flag("part-turns", sentence, "IA", {"rates": rates}))
     unsteady = [kept for kept in turning if bool(kept.record.unsteady.any())]
     if unsteady:
         rates = _rates([kept.record.commanded_deg_per_s for kept in unsteady])
         count = sum(int(kept.record.unsteady.sum()) for kept in unsteady)
-        said = (
+        sentence = (
             f"By its encoder the table was not at its rate in {counted(count, 'sample')} at "
             f"{_listed(rates)} deg/s. Spin-up and settling belong into no record."
         )
-        flags.append(Flag("unsteady-rate", said, "IA", {"count": count, "rates": rates}))
+        flags.append(Flag("unsteady-rate", sentence, "IA", {"count": count, "rates": rates}))
     off = [kept.table / 3600.0 / kept.record.commanded_deg_per_s - 1.0 for kept in turning]
     if off and max(map(abs, off)) > settings.rate_differs:
         worst = int(np.argmax(np.abs(off)))
-        said = (
+        sentence = (
             f"At {turning[worst].record.commanded_deg_per_s:g} deg/s the encoder shows "
             f"{turning[worst].table / 3600.0:.5g} deg/s; the result uses the encoder, the "
             "published values do not."
         )
         flags.append(
-            Flag("rate-differs-from-commanded", said, "IA", {"relative_difference": off[worst]})
+            Flag("rate-differs-from-commanded", sentence, "IA", {"relative_difference": off[worst]})
         )
     senses = {kept.record.commanded_deg_per_s for kept in turning}
     single = _rates([rate for rate in senses if -rate not in senses])
     if single:
-        said = f"At {_listed(single)} deg/s there is a usable record in one sense only."
-        flags.append(Flag("one-sense-only", said, "IA", {"rates": single}))
+        sentence = f"At {_listed(single)} deg/s there is a usable record in one sense only."
+        flags.append(Flag("one-sense-only", sentence, "IA", {"rates": single}))
     count = len({abs(rate) for rate in senses})
     if 0 < count < FEWEST_RATES:
-        said = f"The gyro was turned at {counted(count, 'rate')}; seven and more are usual."
-        flags.append(Flag("outside-published-range", said, "IA", {"count": count}))
+        sentence = f"The gyro was turned at {counted(count, 'rate')}; seven and more are usual."
+        flags.append(Flag("outside-published-range", sentence, "IA", {"count": count}))
     return flags
 
 
@@ -151,14 +153,14 @@ def result_flags(
     if results is not None and results.agree and results.nonlinearity is not None:
         small += [n for n in ("nonlinearity",) if n not in small]
     if small:
-        said = f"{_words(small)} cannot be distinguished from noise."
-        flags.append(Flag("not-significant", said, "IA", {"coefficients": small}))
+        sentence = f"{_words(small)} cannot be distinguished from noise."
+        flags.append(Flag("not-significant", sentence, "IA", {"coefficients": small}))
     lost = [estimate.name for estimate in estimates if estimate.value is None]
     if lost:
-        said = f"The records do not determine {', '.join(lost)}."
+        sentence = f"The records do not determine {', '.join(lost)}."
         if lost == ["scale_factor_repeatability"]:
-            said = "One switch-on shows no repeatability of the scale factor."
-        flags.append(not_identifiable(said, lost, "IA"))
+            sentence = "One switch-on shows no repeatability of the scale factor."
+        flags.append(not_identifiable(sentence, lost, "IA"))
     if fit is None:
         return flags
     ramps = fit.ramps()
@@ -167,24 +169,24 @@ def result_flags(
             continue
         value, u = float(ramp @ fit.value), float(np.sqrt(ramp @ fit.covariance @ ramp))
         if abs(value) > settings.drift_removed * u:
-            said = f"In switch-on {number} the bias drifts by {value:.3g} deg/h^2, u = {u:.2g}."
+            sentence = f"In switch-on {number} the bias drifts by {value:.3g} deg/h^2, u = {u:.2g}."
             details = {"ramp_deg_per_h2": value, "repeat": number}
-            flags.append(Flag("drift-removed", said, "IA", details))
+            flags.append(Flag("drift-removed", sentence, "IA", details))
     if fit.walk_gain > float(chdtri(1, BY_CHANCE)):
         wander = float(np.sqrt(fit.walk))
-        said = (
+        sentence = (
             f"The bias wanders by {wander:.2g} deg/h in an hour; that is in the uncertainties. A "
             f"single disturbed record shows so, too; the furthest off is one "
             f"{_worst(screened.kept, fit)}."
         )
-        flags.append(Flag("bias-wanders", said, "IA", {"wander_deg_per_h": wander}))
+        flags.append(Flag("bias-wanders", sentence, "IA", {"wander_deg_per_h": wander}))
     if fit.freedom > 0 and fit.chi_square > float(chdtri(fit.freedom, BY_CHANCE)):
-        said = (
+        sentence = (
             "The records contradict one another beyond their noise and the walk of the bias: chi-"
             f"square is {fit.chi_square:.3g} with {fit.freedom} degrees of freedom. The worst is "
             f"{_worst(screened.kept, fit)}."
         )
-        flags.append(Flag("misfit", said, "IA", {"chi_square": fit.chi_square}))
+        flags.append(Flag("misfit", sentence, "IA", {"chi_square": fit.chi_square}))
     return flags
 
 

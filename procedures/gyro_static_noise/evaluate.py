@@ -52,6 +52,6 @@ def attitude_inputs(
         return
     for axis in dataset.directions:
         for angle in ("azimuth", "elevation"):
-            said = f"{angle} of {axis}, {u_arcmin:g} arcmin"
+            about = f"{angle} of {axis}, {u_arcmin:g} arcmin"
             u_rad = u_arcmin / ARCMIN_PER_RAD
-            yield InputQuantity(f"{angle}_{axis}", said, u_rad, "rad", source)
+            yield InputQuantity(f"{angle}_{axis}", about, u_rad, "rad", source)

@@ -93,7 +93,7 @@ def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
             zip(analysed.screened, analysed.means, strict=True), 1
         )
     ]
-    said = f"Mean of each switch-on, earth's rate of {earth:.4f} deg/h taken off."
+    sentence = f"Mean of each switch-on, earth's rate of {earth:.4f} deg/h taken off."
     return Table(
-        f"Switch-ons, {analysed.axis}", said, ["switch-on", "samples", "bias, deg/h"], rows
+        f"Switch-ons, {analysed.axis}", sentence, ["switch-on", "samples", "bias, deg/h"], rows
     )

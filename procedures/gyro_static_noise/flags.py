@@ -33,8 +33,8 @@ def data_flags(
     }
     for code, (count, what) in totals.items():
         if count:
-            said = f"{counted(count, 'sample')} of {analysed.axis} {what}."
-            flags.append(Flag(code, said, analysed.axis, {"count": count}))
+            sentence = f"{counted(count, 'sample')} of {analysed.axis} {what}."
+            flags.append(Flag(code, sentence, analysed.axis, {"count": count}))
     return flags + _coarse(dataset, analysed)
 
 
@@ -44,19 +44,19 @@ def _coarse(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Flag]:
     if dataset.pulse_arcsec:
         if not analysed.fit.sawtooth:
             return []
-        said = (
+        sentence = (
             f"{analysed.axis} walks by less than half a pulse from sample to sample: its roundings "
             "follow one another, and u of the quantisation noise is twice as large."
         )
-        return [Flag("coarse-output", said, analysed.axis)]
+        return [Flag("coarse-output", sentence, analysed.axis)]
     step = max(smallest_step(piece) for piece in analysed.fit.pieces)
     if not any(is_coarse(piece, step) for piece in analysed.fit.pieces):
         return []
-    said = (
+    sentence = (
         f"The output of {analysed.axis} has steps of {step:.3g} deg/h, as large as its noise; the "
         "rounding of a rate is white and stands in the angle random walk."
     )
-    return [Flag("coarse-output", said, analysed.axis, {"step_deg_per_h": step})]
+    return [Flag("coarse-output", sentence, analysed.axis, {"step_deg_per_h": step})]
 
 
 def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag]:
@@ -64,34 +64,34 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
     fit = analysed.fit
     if fit is None:
         lost = [name for name in UNITS if name not in ("bias", "bias_repeatability")]
-        said = f"No record of {analysed.axis} is long enough to show its noise; record longer."
-        return [not_identifiable(said, lost, analysed.axis)]
+        sentence = f"No record of {analysed.axis} is long enough to show its noise; record longer."
+        return [not_identifiable(sentence, lost, analysed.axis)]
     flags = []
     small = []
     for n, name in enumerate(COEFFICIENTS):
         if n == 0 and not fit.quantisation_seen:
-            said = (
+            sentence = (
                 f"The output of {analysed.axis} is filtered: up to a quarter of its bandwidth "
                 "quantisation noise does not show."
             )
-            flags.append(not_identifiable(said, [name], analysed.axis))
+            flags.append(not_identifiable(sentence, [name], analysed.axis))
         elif fit.theta[n] < settings.not_significant * fit.u[n]:
             small.append(name)
     if small:
-        said = (
+        sentence = (
             f"Of {analysed.axis} the squares of {', '.join(small)} are less than "
             f"{settings.not_significant:g} of their standard uncertainties: the upper limits say "
             "what the record shows."
         )
-        flags.append(Flag("not-significant", said, analysed.axis, {"coefficients": small}))
+        flags.append(Flag("not-significant", sentence, analysed.axis, {"coefficients": small}))
     if abs(fit.ramp) > settings.drift_removed * fit.ramp_u:
-        said = (
+        sentence = (
             f"{analysed.axis} drifts by {fit.ramp:.3g} deg/h^2, u = {fit.ramp_u:.2g}; the drift is "
             "fitted with the noise and is not in its coefficients."
         )
-        flags.append(Flag("drift-removed", said, analysed.axis, {"ramp_deg_per_h2": fit.ramp}))
+        flags.append(Flag("drift-removed", sentence, analysed.axis, {"ramp_deg_per_h2": fit.ramp}))
     for line in fit.lines:
-        said = (
+        sentence = (
             f"{analysed.axis} swings by {line.amplitude_deg_per_h:.3g} deg/h with a period of "
             f"{1.0 / line.frequency_Hz:.4g} s; the line is fitted with the noise. Look for what "
             "has this period: air conditioning, dither, a neighbour."
@@ -100,11 +100,13 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
             "period_s": 1.0 / line.frequency_Hz,
             "amplitude_deg_per_h": line.amplitude_deg_per_h,
         }
-        flags.append(Flag("periodic", said, analysed.axis, details))
+        flags.append(Flag("periodic", sentence, analysed.axis, details))
     if analysed.minimum is not None and analysed.minimum.at_end:
-        said = (
+        sentence = (
             f"The Allan deviation of {analysed.axis} still falls at {analysed.minimum.tau_s:.4g} "
             "s, a ninth of the longest record: its minimum lies beyond. Record longer."
         )
-        flags.append(Flag("short-record", said, analysed.axis, {"tau_s": analysed.minimum.tau_s}))
+        flags.append(
+            Flag("short-record", sentence, analysed.axis, {"tau_s": analysed.minimum.tau_s})
+        )
     return flags

@@ -94,8 +94,8 @@ def _delay(rate_Hz: float, bench: Bench) -> Iterator[InputQuantity]:
     u_s, source = ONE_SAMPLE / rate_Hz, "one sample of the digitizer"
     if stated := bench.stated(PUMP, "time_offset", 0.0, "s"):
         u_s, source = math.hypot(u_s, stated[0]), stated[1]
-    said = "trigger delay (the phase is free)"
-    yield InputQuantity("trigger_delay_s", said, u_s, "s", source)
+    about = "trigger delay (the phase is free)"
+    yield InputQuantity("trigger_delay_s", about, u_s, "s", source)
 
 
 def shot_of_unit(

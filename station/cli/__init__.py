@@ -57,9 +57,9 @@ def main() -> None:
         if is_lack_of_memory(error):
             tell(NO_MEMORY)
             _exit(NO_MEMORY, EXIT_FAULT)
-        said = f"a fault of the program: {error!r}"
-        tell(f"{said}; set {SHOW_TRACEBACK}=1 and run again to see where")
-        _exit(said, EXIT_FAULT)
+        message = f"a fault of the program: {error!r}"
+        tell(f"{message}; set {SHOW_TRACEBACK}=1 and run again to see where")
+        _exit(message, EXIT_FAULT)
     except KeyboardInterrupt:
         tell("ended by the operator")
         _exit("ended by the operator", EXIT_ABORTED)

@@ -70,8 +70,8 @@ def analyse_run(path: Path, output: Path | None, *, compare: bool) -> ResultDocu
     folder = RunFolder(path)
     old = stored_results(folder) if compare else None
     document, findings = evaluate_run(folder)
-    for said in first(folder.damage.remade):
-        tell(f"not used here, but altered: {said}")
+    for sentence in first(folder.damage.remade):
+        tell(f"not used here, but altered: {sentence}")
     place = made(output) if output else folder.new_revision()
     write_revision(folder, place, document, findings)
     tell(f"written: {place / RESULTS}, {place / REPORT}")
@@ -86,7 +86,7 @@ def stored_results(folder: RunFolder) -> dict[str, Any]:
     stored = folder.path / RESULTS
     if not stored.is_file():
         raise InputError(f"{folder.path} has no stored {RESULTS} to compare with")
-    altered = [said for said in folder.damage.remade if said.startswith(f"{stored} ")]
+    altered = [sentence for sentence in folder.damage.remade if sentence.startswith(f"{stored} ")]
     if altered:
         raise DamagedRecord(f"{altered[0]}; leave --compare out")
     try:

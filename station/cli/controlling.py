@@ -254,8 +254,8 @@ def say_how_it_ended(
     left_out = latest_left_out(*logs_of(run)) if ended else []
     if as_json:
         data = {"run": str(run), "message": message, "bench_safe": safe}
-        told = {"safe_state": outcomes or [], "left_out": left_out}
-        print_json({**data, **told}, exit_code)
+        read_back = {"safe_state": outcomes or [], "left_out": left_out}
+        print_json({**data, **read_back}, exit_code)
         return exit_code
     print(f"the run: {message}")
     for outcome in outcomes or ():
@@ -296,8 +296,12 @@ def acknowledge_bench(name: str, *, as_json: bool) -> None:
             "everybody who uses the bench"
         ) from error
     if as_json:
-        told = asdict(trip) if trip else None
-        print(json.dumps({"bench": str(bench), "acknowledged": told}, indent=1, ensure_ascii=False))
+        trip_data = asdict(trip) if trip else None
+        print(
+            json.dumps(
+                {"bench": str(bench), "acknowledged": trip_data}, indent=1, ensure_ascii=False
+            )
+        )
     elif trip is None:
         print(f"{name}: no interlock waits to be acknowledged")
     else:

@@ -60,8 +60,8 @@ def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_js
     else:
         for answer in seen:
             mark = "     " if not answer.answered else "ok   " if answer.driver else "?    "
-            told = f"{answer.driver}: {answer.said}" if answer.driver else answer.said
-            print(f"{mark} {answer.address:<36} {told}", file=sys.stderr)
+            answer_text = f"{answer.driver}: {answer.said}" if answer.driver else answer.said
+            print(f"{mark} {answer.address:<36} {answer_text}", file=sys.stderr)
         print(draft(seen), end="")
     if not answered:
         print(

@@ -27,8 +27,8 @@ def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> 
 
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
     tables = {what: entries(what, search) for what in kinds}
-    for said in (*registry.offers()[1], *collected()[1]):
-        tell(f"WARNING: {said}")
+    for sentence in (*registry.offers()[1], *collected()[1]):
+        tell(f"WARNING: {sentence}")
     if as_json:
         print(json.dumps(tables, indent=1, ensure_ascii=False))
         return

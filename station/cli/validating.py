@@ -157,8 +157,8 @@ def validate_plans(
     faults: list[Fault] = []
     plans: list[Plan] = []
     bench = None
-    for said in (*registry.offers()[1], *collected()[1]):
-        print(f"WARNING: {said}", file=sys.stderr)
+    for sentence in (*registry.offers()[1], *collected()[1]):
+        print(f"WARNING: {sentence}", file=sys.stderr)
     try:
         bench = read_bench_named(bench_name)
     except FaultList as error:
@@ -193,12 +193,12 @@ def validate_plans(
                 file=to,
             )
             for plan in plans:
-                told = outlook_of(plan, bench)
-                takes = f"about {span(told['expected_s'])} of bench time"
-                memory = in_bytes(told["memory_bytes"])
+                expected = outlook_of(plan, bench)
+                takes = f"about {span(expected['expected_s'])} of bench time"
+                memory = in_bytes(expected["memory_bytes"])
                 print(f"{plan.path.name}: {takes}, {memory} of memory to evaluate", file=to)
-                for line in told["determines"]:
+                for line in expected["determines"]:
                     print(f"  {line}", file=to)
-                for warning in told["warnings"]:
+                for warning in expected["warnings"]:
                     print(f"WARNING: {warning}", file=sys.stderr)
     return EXIT_WRONG_INPUT if faults else EXIT_DONE

@@ -48,8 +48,8 @@ def held_against_history(verification: Verification, folder: Path) -> Verificati
         known = history.head_of(folder.resolve().name)
     if known is None or known == head_of(folder):
         return verification
-    said = f"{folder} is not what the history took in at its end: its manifest was written anew"
-    return replace(verification, changed=(said,))
+    sentence = f"{folder} is not what the history took in at its end: its manifest was written anew"
+    return replace(verification, changed=(sentence,))
 
 
 def lines(verification: Verification) -> list[str]:

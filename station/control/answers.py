@@ -75,8 +75,8 @@ class Desk:
         with self._lock:
             asked = self._asked
             if asked is None or prompt_id != asked.id or self._answer is not None:
-                said = f"the prompt {prompt_id} no longer waits for an answer"
-                incoming.answer(outcome="refused", said=said)
+                sentence = f"the prompt {prompt_id} no longer waits for an answer"
+                incoming.answer(outcome="refused", said=sentence)
             elif (answer := asked.meaning(text)) is None:
                 incoming.answer(outcome="no-answer", said=asked.hint)
             else:

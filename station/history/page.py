@@ -159,8 +159,8 @@ def _chart_caption(chart: Chart) -> str:
 
 def _units_caption(series: Series, units: Sequence[Entry]) -> str:
     cpk = series.capability()
-    said = "no limit, or no spread: there is no Cpk" if cpk is None else f"Cpk {cpk:.2f}"
-    return f"The newest result of each of {len(units)} units; {said}."
+    sentence = "no limit, or no spread: there is no Cpk" if cpk is None else f"Cpk {cpk:.2f}"
+    return f"The newest result of each of {len(units)} units; {sentence}."
 
 
 def _table(series: Series) -> Table:

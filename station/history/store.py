@@ -178,9 +178,9 @@ def _named(url: str) -> Iterator[None]:
         yield
     except (SQLAlchemyError, ImportError) as error:
         shown = url.rpartition("@")[2]
-        said = str(error).partition("\n")[0]
+        sentence = str(error).partition("\n")[0]
         raise HistoryError(
-            f"the history at {shown} cannot be used: {said}; the run folders hold all of it: "
+            f"the history at {shown} cannot be used: {sentence}; the run folders hold all of it: "
             f"mend the database or the URL in {URL}, or delete {FILE}, and run "
             "`station history --rebuild`"
         ) from error

@@ -170,8 +170,8 @@ def open_one(
         except InstrumentError as error:  # reached another way, it is in use
             instrument.close()
             return Probe(name, False, str(error), in_use_by=getattr(error, "who", None))
-    said = f"{identity.maker} {identity.model} {identity.serial} {identity.firmware}".strip()
-    return Probe(name, True, said, identified)
+    answer = f"{identity.maker} {identity.model} {identity.serial} {identity.firmware}".strip()
+    return Probe(name, True, answer, identified)
 
 
 def take_lock(locks: InstrumentLocks, name: str, address: str) -> None:

@@ -150,8 +150,8 @@ def identified(instrument: Any, driver: str, address: str) -> Seen:
         identity = instrument.identify()
     finally:
         instrument.close()
-    said = ", ".join(str(part) for part in vars(identity).values() if part)
-    return Seen(address, said, True, driver, identity.serial)
+    answer = ", ".join(str(part) for part in vars(identity).values() if part)
+    return Seen(address, answer, True, driver, identity.serial)
 
 
 def recognised(address: str, said: str) -> Seen:
@@ -169,8 +169,8 @@ def recognised(address: str, said: str) -> Seen:
 def visa(library: str) -> list[Seen]:
     """Ask every resource that a VISA library lists, serial ports left out."""
     return [
-        recognised(address, said) if answered else Seen(address, said, answered=False)
-        for address, said, answered in visa_resources(library)
+        recognised(address, sentence) if answered else Seen(address, sentence, answered=False)
+        for address, sentence, answered in visa_resources(library)
     ]
 
 
@@ -181,7 +181,7 @@ def ports() -> list[Seen]:
 
 def can_buses() -> list[Seen]:
     """List the CAN interfaces that python-can detects."""
-    return [Seen(address, said, answered=False) for address, said in can_interfaces()]
+    return [Seen(address, sentence, answered=False) for address, sentence in can_interfaces()]
 
 
 FILL_IN = "FILL IN"

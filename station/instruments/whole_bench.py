@@ -89,8 +89,8 @@ def read_used(instruments: Mapping[str, object], clock: Clock) -> list[SafeOutco
     for name, instrument in instruments.items():
         if isinstance(instrument, MadeSafe):
             began_s = clock.now()
-            rests, said = state_of(name, instrument)
-            outcomes.append(SafeOutcome(name, rests, said, clock.now() - began_s))
+            rests, sentence = state_of(name, instrument)
+            outcomes.append(SafeOutcome(name, rests, sentence, clock.now() - began_s))
     return outcomes
 
 
@@ -162,8 +162,8 @@ class Bystanders:
             elif isinstance(reading, LeftOut):
                 left_out.append(reading)
             elif name not in readings:
-                said = f"{name}: it did not answer within {WITHIN_S:g} s"
-                left_out.append(LeftOut(name, SILENT, said))
+                sentence = f"{name}: it did not answer within {WITHIN_S:g} s"
+                left_out.append(LeftOut(name, SILENT, sentence))
         return BenchReading(outside=read, left_out=left_out)
 
     def _at_once(self, names: Sequence[str], waiting: Clock) -> dict[str, Any]:

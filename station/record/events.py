@@ -88,12 +88,16 @@ def checked_lines(path: Path, log: bytes) -> Iterator[tuple[Event, str]]:
     for number, line in enumerate(lines[:-1], start=1):
         try:
             data = json.loads(line)
-            said, time_s, kind = data.pop("previous"), float(data.pop("t_s")), data.pop("event")
+            stated_hash, time_s, kind = (
+                data.pop("previous"),
+                float(data.pop("t_s")),
+                data.pop("event"),
+            )
         except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
             raise DamagedRecord(
                 f"{path}:{number}: the log was altered: this line is no event"
             ) from error
-        if said != previous:
+        if stated_hash != previous:
             which = f"line {number - 1} is not" if number > 1 else "the first line is not"
             raise DamagedRecord(
                 f"{path}:{number}: the log was altered: {which} the one that was written"
@@ -201,11 +205,11 @@ def _latest(
     opened = max(
         (n for n, event in enumerate(run_events) if event.kind == "identified"), default=-1
     )
-    said = [(float(n), event) for n, event in enumerate(run_events)]
+    placed = [(float(n), event) for n, event in enumerate(run_events)]
     # Between the last line that the run had written, and the next one of a resumed run.
-    said += [(event.details["after_events"] - 0.5, event) for event in of_guardian]
+    placed += [(event.details["after_events"] - 0.5, event) for event in of_guardian]
     latest = [
-        (place, event.details) for place, event in said if event.kind in kinds and place > opened
+        (place, event.details) for place, event in placed if event.kind in kinds and place > opened
     ]
     latest.sort(key=lambda timed: timed[0])
     return [details for _, details in latest]

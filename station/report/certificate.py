@@ -88,8 +88,8 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
 
 def digest_of(certificate: Certificate) -> str:
     """Return eight hexadecimal digits that change with what a certificate says, its date aside."""
-    said = {**vars(replace(certificate, issued="")), "flags": messages(certificate.flags)}
-    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:8]
+    content = {**vars(replace(certificate, issued="")), "flags": messages(certificate.flags)}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:8]
 
 
 def device_rows(plan: Plan) -> Iterator[tuple[str, str]]:

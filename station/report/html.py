@@ -115,9 +115,9 @@ def badge_of(document: ResultDocument, context: ReportContext) -> dict[str, str]
         count = len(asked) + lacking
         undecided = count - inside - outside
         counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
-        told = ", ".join(f"{number} {word}" for number, word in counts if number)
+        listed = ", ".join(f"{number} {word}" for number, word in counts if number)
         noun = "result has a limit" if count == 1 else "results have a limit"
-        why = f"{count} {noun}: {told}."
+        why = f"{count} {noun}: {listed}."
     if not document.excited:
         why = "The device was not exposed to the commanded field: see the flags. No verdict on it."
     if not context.bench_safe:

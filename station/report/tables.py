@@ -121,8 +121,8 @@ def junit_of(folder: RunFolder, document: ResultDocument) -> str:
             name = f"{flag.details['name']} {flag.axis or ''}".strip()
             add_error(suite, document.procedure, name, flag.code, flag.message)
     if not any(event.details["complete"] for event in folder.events_of("run-ended")):
-        said = "the run did not go through all its steps; what it measured is evaluated here"
-        add_error(suite, document.procedure, INCOMPLETE, INCOMPLETE, said)
+        sentence = "the run did not go through all its steps; what it measured is evaluated here"
+        add_error(suite, document.procedure, INCOMPLETE, INCOMPLETE, sentence)
     suite.set("tests", str(len(suite.findall("testcase"))))
     suite.set("failures", str(len(suite.findall("testcase/failure"))))
     suite.set("errors", str(len(suite.findall("testcase/error"))))
@@ -156,12 +156,12 @@ def add_case(
     if data["verdict"] == "pass":
         return
     measured = "undetermined" if data["value"] is None else in_words(data)
-    said = clean(f"{name}: {measured}, limit {limit} {data['unit']}")
+    sentence = clean(f"{name}: {measured}, limit {limit} {data['unit']}")
     if data["verdict"] == "fail":
-        ET.SubElement(case, "failure", type="outside-limit", message=said)
+        ET.SubElement(case, "failure", type="outside-limit", message=sentence)
     else:
         why = data.get("decision") or "undetermined"
-        ET.SubElement(case, "error", type=why, message=f"{said}: {why}")
+        ET.SubElement(case, "error", type=why, message=f"{sentence}: {why}")
 
 
 def add_error(suite: ET.Element, procedure: str, name: str, code: str, message: str) -> None:

@@ -210,13 +210,13 @@ class StepRunner:
     def _said(self, names: Iterable[str]) -> dict[str, tuple[str, str]]:
         """Return what instruments say of themselves: address to model and serial number."""
         entries = self._run.bench.instruments
-        said = {}
+        by_address = {}
         for name in names:
             for shared in entries[name].shares or (name,):
                 identity = self._opened[shared].identity if shared in self._opened else None
                 known = (identity.model, identity.serial) if identity else ("", "")
-                said[entries[shared].address or ""] = known
-        return said
+                by_address[entries[shared].address or ""] = known
+        return by_address
 
     def _watch(self, signals: AbortSignals) -> None:
         """Look at every interlock once, then watch them beside the steps."""

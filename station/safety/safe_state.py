@@ -105,7 +105,7 @@ def _make_one_safe(
     name: str, instrument: MadeSafe, within_s: float, clock: Clock, hurry: Hurry
 ) -> SafeOutcome:
     began_s = clock.now()
-    said, skipped = "nothing was read back", ""
+    sentence, skipped = "nothing was read back", ""
     attempts = ATTEMPTS
     while attempts:
         attempts -= 1
@@ -120,9 +120,9 @@ def _make_one_safe(
             attempts += 1
             continue
         except Exception as error:  # whatever it is, the next instrument must still be made safe
-            said = str(error)
+            sentence = str(error)
             continue
-        said = reading.read_back
+        sentence = reading.read_back
         if reading.safe:
-            return SafeOutcome(name, True, said, clock.now() - began_s, skipped)
-    return SafeOutcome(name, False, said, clock.now() - began_s, skipped)
+            return SafeOutcome(name, True, sentence, clock.now() - began_s, skipped)
+    return SafeOutcome(name, False, sentence, clock.now() - began_s, skipped)

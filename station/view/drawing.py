@@ -229,20 +229,20 @@ class Drawing:
             if those:
                 named = state != "clear" or width != self._columns
                 which = ", ".join(map(lock_words, those)) if named else str(len(those))
-                said = f"{self._marks.lock(state)} {LOCK_WORDS[state]}: {which}"
-                table.add_row(name, Text(said, LOCK_COLOURS[state]))
+                sentence = f"{self._marks.lock(state)} {LOCK_WORDS[state]}: {which}"
+                table.add_row(name, Text(sentence, LOCK_COLOURS[state]))
                 name = ""
         return self._lines(table, width) if interlocks else []
 
     def _trace(self, trace: Trace, width: int) -> list[Line]:
         low, high = min(trace.values), max(trace.values)
         unit = trace.unit
-        said = (
+        sentence = (
             f"{trace.source} {trace.quantity}: {trace.values[-1]:.5g} {unit}, "
             f"from {low:.5g} to {high:.5g} {unit} so far"
         )
         drawn = sparkline(trace.values, width, self._marks.levels)
-        return [*self._lines(Text(said), width), *self._lines(Text(drawn, "cyan"), width)]
+        return [*self._lines(Text(sentence), width), *self._lines(Text(drawn, "cyan"), width)]
 
 
 def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
@@ -281,9 +281,9 @@ def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
     parts = [f"{entry['quantity']} {entry['text']}{age_words(entry['age_s'])}" for entry in ordered]
     for kept in range(len(parts), 0, -1):
         more = len(parts) - kept
-        said = ", ".join(parts[:kept]) + (f", +{more}" if more else "")
-        if cell_len(said) <= room:
-            return said
+        line = ", ".join(parts[:kept]) + (f", +{more}" if more else "")
+        if cell_len(line) <= room:
+            return line
     return parts[0] if parts else "-"
 
 

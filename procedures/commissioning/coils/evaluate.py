@@ -136,6 +136,6 @@ def inputs(data: CoilDataset, bench: Bench) -> list[InputQuantity]:
         InputQuantity(ZERO, "zero of the gaussmeter", data.zero_u_mT, "mT", source),
     ]
     if data.angle_u_rad:
-        said = "direction of the probe"
-        quantities.append(InputQuantity(ANGLE, said, data.angle_u_rad, "rad", source))
+        about = "direction of the probe"
+        quantities.append(InputQuantity(ANGLE, about, data.angle_u_rad, "rad", source))
     return quantities

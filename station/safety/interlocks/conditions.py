@@ -106,13 +106,13 @@ class Level:
         level = abs(value) if self.magnitude else value
         beyond = level > self.high or level < self.low
         if math.isinf(value):
-            said = f"{name} is beyond the range of the instrument, {self.limit}"
-            return Judgement(beyond, said, None, self.limit)
+            sentence = f"{name} is beyond the range of the instrument, {self.limit}"
+            return Judgement(beyond, sentence, None, self.limit)
         if beyond:
-            said = f"{name} is {value:.4g} {self.unit}, {self.limit}"
+            sentence = f"{name} is {value:.4g} {self.unit}, {self.limit}"
         else:
-            said = f"{name} is {value:.4g} {self.unit}, not {self.limit}"
-        return Judgement(beyond, said, value, self.limit)
+            sentence = f"{name} is {value:.4g} {self.unit}, not {self.limit}"
+        return Judgement(beyond, sentence, value, self.limit)
 
 
 @dataclass(frozen=True)
@@ -253,13 +253,13 @@ class QuantityReader:
 
     def explained(self, watched: Collection[Watched]) -> str:
         """Return in brackets what instruments say to explain a state: which contact is open."""
-        said = []
+        sentences = []
         for instrument, quantity in sorted(watched):
             explain = getattr(self.instruments.get(instrument), "explain", None)
             if explain is not None:
                 with suppress(InstrumentError):  # the trip itself is reported all the same
-                    said.append(str(explain(quantity)))
-        explained = ", ".join(sentence for sentence in said if sentence)
+                    sentences.append(str(explain(quantity)))
+        explained = ", ".join(sentence for sentence in sentences if sentence)
         return f" ({explained})" if explained else ""
 
 

@@ -208,8 +208,10 @@ class Monitor:
         except (ClockStopped, ClockError):
             raise
         except Exception as error:  # interlocks that nobody watches any more must end the run
-            said = f"the interlocks cannot be watched any more, a fault of the program: {error!r}"
-            self.trip = InterlockTripped("monitor", said, self._clock.now())
+            sentence = (
+                f"the interlocks cannot be watched any more, a fault of the program: {error!r}"
+            )
+            self.trip = InterlockTripped("monitor", sentence, self._clock.now())
         self._alarm(self.trip)
 
     def _look_where_due(self) -> None:
@@ -241,18 +243,18 @@ class Monitor:
             refusal = test.refuses(watch.interlock, self._instruments)
         except InstrumentError as error:
             refusal = str(error)
-        said = f"{judged.said}, {refusal or 'opened by hand for its test'}"
-        watch.said = said
-        return judged._replace(true=bool(refusal), said=said)
+        sentence = f"{judged.said}, {refusal or 'opened by hand for its test'}"
+        watch.said = sentence
+        return judged._replace(true=bool(refusal), said=sentence)
 
     def _tripped(self, watch: Watch, judged: Judgement) -> InterlockTripped:
-        said = judged.said
+        sentence = judged.said
         if watch.since_s is not None and watch.interlock.grace_s:
-            said += f" (for {self._clock.now() - watch.since_s:.3g} s)"
-        said += watch.reader.explained(watch.interlock.when.watched)
+            sentence += f" (for {self._clock.now() - watch.since_s:.3g} s)"
+        sentence += watch.reader.explained(watch.interlock.when.watched)
         return InterlockTripped(
             watch.interlock.name,
-            said,
+            sentence,
             self._clock.now(),
             value=judged.value,
             limit=judged.limit,
