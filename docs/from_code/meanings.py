@@ -558,6 +558,14 @@ CONDITIONS = {
         "attitude_uncertainty": "standard uncertainty of azimuth and of elevation",
         "warm_up": "after power-on; earlier samples do not count",
     },
+    "accelerometer-tumble": {
+        "local_gravity": "gravity where the stage stands",
+        "local_gravity_uncertainty": "its standard uncertainty; 0 unless given",
+        "encoder_accuracy": "standard uncertainty of each of the encoder's first two harmonics",
+        "mounting_repeatability": "standard uncertainty of the angle of each mounting",
+        "multimeter_gain": "standard uncertainty of the multimeter's gain; 0 unless given",
+        "multimeter_zero": "standard uncertainty of its zero; 0 unless given",
+    },
     "gyro-rate-table": {
         "sample_interval": "of the gyro",
         "timestamp": "which instant of its interval `t_s` means; the encoder is read at `t_s`",

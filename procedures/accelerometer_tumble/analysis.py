@@ -55,8 +55,10 @@ def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> Tu
     estimates = _estimates(used, terms, solution)
     flags += fold_flags(terms)
     if solution is None:
-        said = "There are too few readings beyond the coefficients to show the noise: no results."
-        flags.append(not_identifiable(said, COEFFICIENTS))
+        sentence = (
+            "There are too few readings beyond the coefficients to show the noise: no results."
+        )
+        flags.append(not_identifiable(sentence, COEFFICIENTS))
     else:
         scale = float(solution.value[list(terms).index("Ki")]) if "Ki" in terms else 0.0
         flags += result_flags(used, solution, estimates, scale, settings)

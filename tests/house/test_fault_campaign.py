@@ -1,7 +1,7 @@
 """Whatever fault strikes wherever: the world ends safe, the operator is told, the data are there.
 
 A covering part of the campaign: every kind of fault, every role with some of them, and every
-second step of every procedure. `benchmarks/fault_campaign.py` does the whole.
+third step of every procedure. `benchmarks/fault_campaign.py` does the whole.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def chosen() -> list[tuple[str, str]]:
 KINDS = [
     (IN_PLANS[pair][number % len(IN_PLANS[pair])], *pair) for number, pair in enumerate(chosen())
 ]
-STEPS = [(plan, step) for plan in PLANS if plan in TRUTHS for step in steps(plan)][::2]
-"""Every second step; the other faults of this module strike in many of the others."""
+STEPS = [(plan, step) for plan in PLANS if plan in TRUTHS for step in steps(plan)][::3]
+"""Every third step; the other faults of this module strike in many of the others."""
 STRIDE = 7
 """Steps through the cases of a kind so that neighbours get other steps and placements."""
 Referred = Callable[[str], Reference]

@@ -28,7 +28,7 @@ PROCEDURES = (
     "fog-scale-factor-temperature",
     "nine-axis-calibration",
 )
-FLIPS = 3
+FLIPS = 2
 
 
 @pytest.fixture
