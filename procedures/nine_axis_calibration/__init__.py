@@ -153,6 +153,8 @@ PROCEDURE = Procedure(
         "4 ppm less; with one axis recorded that is not distinguished from K.",
         "Misalignments are towards the axes of the table as the sensor was mounted on it, so they "
         "hold the fixture's own errors; towards the accelerometers where these are determined.",
+        "A field that turns with the sensor, as that of the plate it is mounted on, counts as the "
+        "magnetometer's offset: one mounting cannot distinguish the two.",
         "The biases are those of the positions 1 to 3: a gyro that feels gravity has it in them.",
         "The bias is that of this switch-on and temperature, with the gyros at rest. It is "
         "taken as the same in all positions; where it is not, the uncertainty is widened.",
