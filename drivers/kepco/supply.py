@@ -30,12 +30,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
-from drivers.transport.line import odd
+from drivers.transport.line import TooLate, odd
+from drivers.transport.retry import TRIES
 from drivers.transport.visa_line import ERROR_QUERY
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
 from station.roles import Identity, Place, SafetyReading, published, quantity
 
+LEAVE_LIST = "CURR:MODE FIX"
 OPERATION = "STAT:OPER:COND?"
 LIST_RUNNING = 1 << 14
 SETTLE_S = 0.1
@@ -230,19 +232,32 @@ class KepcoSupply(SteadyCurrent):
         """End the list where it carries no more current than one step of a ramp.
 
         FIX goes at once to the fixed set-point, which was set to zero before the list ran and
-        cannot be set while it runs: at full current this would cut the coil off. A list that does
+        cannot be set while it runs: at full current this would cut the coil off. So it is sent at
+        a zero of the current or, where the line is out of step then, at the next. A list that does
         not come to zero in the longest half period is left all the same.
         """
         until_s = min(self.place.clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
-        self._stood_still |= not wait_for_zero(
-            self.place.clock,
-            self._sure_current_A,
-            self._ramp_step_A,
-            until_s,
-            self._sine,
-            self._line.proof.in_step,
-        )
-        self._line.patient.command("CURR:MODE FIX")
+        tries = TRIES
+        while tries:
+            self._stood_still |= not wait_for_zero(
+                self.place.clock,
+                self._sure_current_A,
+                self._ramp_step_A,
+                until_s,
+                self._sine,
+                self._line.proof.in_step,
+            )
+            if self.place.clock.now() >= until_s:
+                break
+            try:
+                return self._line.command(LEAVE_LIST, now=True)
+            except TooLate:
+                continue
+            except InstrumentError:  # it may have heard all the same
+                tries -= 1
+                if self._line.proof.of(self._list_runs) == [False]:
+                    return None
+        return self._line.patient.command(LEAVE_LIST)
 
     def _list_runs(self) -> bool:
         return list_runs(self._line.patient.number(OPERATION))

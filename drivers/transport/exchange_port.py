@@ -14,10 +14,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
-from drivers.transport.line import AnswerInDoubt, LineBroken, TracedLine, shortened
+from drivers.transport.line import AnswerInDoubt, ExchangeLine, LineBroken, TooLate, shortened
 from drivers.transport.retry import NEVER, TRIES, Proof, Repeatable, repeated
 from drivers.transport.serial_port import Port, one_line
-from station.errors import InstrumentError, InstrumentTimeout
+from station.errors import InstrumentError
 from station.roles import Place
 
 Answer = TypeVar("Answer")
@@ -31,15 +31,13 @@ LARGEST_ANSWER_BYTES = 1 << 20
 LARGEST_NOTE_BYTES = 4096
 
 
-class ExchangePort(TracedLine, ABC):
+class ExchangePort(ExchangeLine, ABC):
     """What a line of exchanges does whatever its messages look like.
 
     `wire` is the address of its counting, `repeatable` the messages that do no harm twice. After an
     exchange that failed the port is opened anew, so that no late answer is taken for the next.
     """
 
-    when_silent = "check that the instrument is on, and its cable"
-    when_wrong = "check the cable, and that nobody else talks to the instrument"
     largest_bytes = LARGEST_ANSWER_BYTES
     pause_s = 0.0
     """Run time that an instrument needs after a message or an answer before the next message."""
@@ -58,6 +56,8 @@ class ExchangePort(TracedLine, ABC):
         """The last question and its answer, which is in doubt where something comes after it."""
         self.doubts = 0
         """How often something was found that nobody had asked for."""
+        self.delays = 0
+        """How often the line was opened anew or read until quiet, which takes time."""
         self._open()
 
     def close(self) -> None:
@@ -100,22 +100,30 @@ class ExchangePort(TracedLine, ABC):
                 self.when_wrong,
             )
 
-    def _exchange(self, message: str, once: Callable[[Port], Answer]) -> Answer:
+    def _exchange(
+        self, message: str, once: Callable[[Port], Answer], *, now: bool = False
+    ) -> Answer:
         """Return the answer to a message; `once` sends it on a port and reads the answer.
 
         A message that does no harm twice is asked at most three times where its line breaks or its
-        answer is in doubt.
+        answer is in doubt. One that is due `now` is sent once, and not at all (TooLate) where the
+        line must be brought into step before.
         """
         with self._lock:
-            tries = TRIES if message in self._repeatable else 1
+            tries = TRIES if message in self._repeatable and not now else 1
             while True:
                 tries -= 1
                 try:
+                    delays = self.delays
                     port = self._ready(message)
+                    if now and self.delays != delays:
+                        raise self._too_late(message)
                     answer = once(port)
                     self._nothing_behind(port, message)
                     self._last = message, answer
                     return answer
+                except TooLate:  # nothing was sent, and the line is in step
+                    raise
                 except (AnswerInDoubt, LineBroken) as error:
                     self._forget_connection()
                     if not tries:
@@ -203,6 +211,7 @@ class ExchangePort(TracedLine, ABC):
             port = self._wire.port() or self._port_opened()
             self._wire.open()
             self._opened += 1
+            self.delays += 1
             self._traced("-", b"opened" if self._opened == 1 else b"reopened")
             if self._must_calm or self._needs_quiet(port):
                 self._greet(port)
@@ -227,6 +236,7 @@ class ExchangePort(TracedLine, ABC):
 
         Raises InstrumentError where it never ends.
         """
+        self.delays += 1
         for _ in range(QUIET_LOOKS):
             self._clock.sleep(QUIET_S)
             came = self._taken_off(port)
@@ -312,16 +322,6 @@ class ExchangePort(TracedLine, ABC):
         self._wire.received()
         self._free_s = self._clock.now() + self.pause_s
         return answer
-
-    def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
-        came_back = f"{what} within {deadline_s:g} s"
-        return self._fault(attempted, came_back, self.when_silent, InstrumentTimeout)
-
-    def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
-        return self._fault(attempted, came_back, self.when_wrong)
-
-    def _doubtful(self, attempted: str, came_back: str) -> InstrumentError:
-        return self._fault(attempted, came_back, self.when_wrong, AnswerInDoubt)
 
     def _flooded(self, attempted: str) -> InstrumentError:
         self._must_calm = True

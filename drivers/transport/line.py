@@ -7,7 +7,7 @@ from collections.abc import Callable
 from itertools import islice
 
 from drivers.transport.not_opened import why_not_opened
-from station.errors import InstrumentError
+from station.errors import InstrumentError, InstrumentTimeout
 from station.roles import Place
 
 
@@ -17,6 +17,10 @@ class AnswerInDoubt(InstrumentError):
 
 class LineBroken(InstrumentError):
     """A connection that ended while it was used."""
+
+
+class TooLate(InstrumentError):
+    """A message that was not sent: its line had to be brought into step, and its moment is over."""
 
 
 class TracedLine:
@@ -65,6 +69,31 @@ OTHER_ADDRESS = "check that the address in the bench file is its own"
 
 MOST_KEPT_ERRORS = 100
 """More than any of these instruments keeps."""
+
+
+class ExchangeLine(TracedLine):
+    """What may go wrong with a question and its answer, and what to do about it."""
+
+    when_silent = "check that the instrument is on, and its cable"
+    when_wrong = "check the cable, and that nobody else talks to the instrument"
+
+    def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
+        came_back = f"{what} within {deadline_s:g} s"
+        return self._fault(attempted, came_back, self.when_silent, InstrumentTimeout)
+
+    def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
+        return self._fault(attempted, came_back, self.when_wrong)
+
+    def _doubtful(self, attempted: str, came_back: str) -> InstrumentError:
+        return self._fault(attempted, came_back, self.when_wrong, AnswerInDoubt)
+
+    def _too_late(self, message: str) -> InstrumentError:
+        return self._fault(
+            f"send {shortened(message)!r} at its moment",
+            "something lay on the line, and the moment is over now that it is empty",
+            self.when_wrong,
+            TooLate,
+        )
 
 
 def errors_until_none(name: str, next_error: Callable[[], str]) -> list[str]:

@@ -75,6 +75,8 @@ class ProvableLine(Protocol):
 
     doubts: int
     """How often something was found that nobody had asked for."""
+    delays: int
+    """How often the line was opened anew or read until quiet, which takes time."""
 
     def echoes_identity(self) -> bool:
         """Whether the answer to who is there is the identity."""
@@ -98,9 +100,10 @@ class Proof:
         self._place, self._line = place, line
 
     def in_step(self) -> bool:
-        """Whether the line answers who is there with the identity, now; never raises."""
+        """Whether the line answers who is there with the identity, at once; never raises."""
+        delays = self._line.delays
         with suppress(InstrumentError):
-            return self._line.echoes_identity()
+            return self._line.echoes_identity() and self._line.delays == delays
         return False
 
     def of(self, *readings: Callable[[], Any]) -> list[Any]:

@@ -36,12 +36,17 @@ class TextLine(ExchangePort):
         self._identity: str | None = None
         super().__init__(place, wire, repeatable)
 
-    def query(self, message: str, deadline_s: float = EXCHANGE_DEADLINE_S) -> str:
+    def query(
+        self, message: str, deadline_s: float = EXCHANGE_DEADLINE_S, *, now: bool = False
+    ) -> str:
         """Send `message` and return the answer without its end.
 
-        Raises InstrumentTimeout when no complete answer comes within `deadline_s` of run time.
+        Raises InstrumentTimeout when no complete answer comes within `deadline_s` of run time, and
+        TooLate, with nothing sent, where one that is due `now` meets a line out of step.
         """
-        answer = self._exchange(message, lambda port: self._once(port, message, deadline_s))
+        answer = self._exchange(
+            message, lambda port: self._once(port, message, deadline_s), now=now
+        )
         if message == self._identity_question and any(map(str.isalpha, answer)):
             self._identity = answer
         return answer

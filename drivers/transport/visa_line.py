@@ -199,9 +199,12 @@ class ScpiLine(VisaLine):
         self._no_error = re.compile(no_error)
         self.patient = PatientLine(self)
 
-    def command(self, message: str) -> None:
-        """Send a command and read the error queue in one exchange; a refusal is InstrumentError."""
-        answer = self.query(f"{message};{self._error_query}")
+    def command(self, message: str, *, now: bool = False) -> None:
+        """Send a command and read the error queue in one exchange; a refusal is InstrumentError.
+
+        One that is due `now` raises TooLate, with nothing sent, where the line is out of step.
+        """
+        answer = self.query(f"{message};{self._error_query}", now=now)
         if not self._no_error.match(answer):
             raise self.refused(message, answer)
 

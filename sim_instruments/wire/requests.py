@@ -177,12 +177,10 @@ class RequestServer(TcpServer):
             return
 
         def say() -> float | None:
-            with self._guard:
-                clients, closed = list(self._clients), self._closed
             now_s = self._clock.now()
-            if closed or not fault.lasts(now_s):
+            if self._closed or not fault.lasts(now_s):
                 return None
-            for client in clients:
+            for client in self.connected():
                 with suppress(OSError):
                     client.send(CHATTER, AT_ONCE)
             return now_s + fault.interval_s

@@ -126,6 +126,7 @@ class TcpServer(ABC):
 
     def _bound(self, port: int) -> socket.socket:
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        listener.setblocking(False)
         if os.name == "posix":
             # On Windows the same option would let a second server steal the port.
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -137,24 +138,39 @@ class TcpServer(ABC):
             raise OSError(error.errno, reason) from error
         return listener
 
+    def connected(self) -> list[socket.socket]:
+        """Return who is connected, who has come just now included; nobody once it is closed."""
+        self._admit(self._listener)
+        with self._guard:
+            return [] if self._closed else list(self._clients)
+
     def _accept(self) -> None:
         listener = self._listener
-        while True:
-            try:
-                client, _ = listener.accept()
-            except OSError:
-                return
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            # Long replies must fit: on virtual time a client reads only after the last byte.
-            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
-            with self._guard:
+        with suppress(OSError, ValueError):  # it was closed
+            while select.select([listener], [], []) and self._admit(listener):
+                pass
+
+    def _admit(self, listener: socket.socket) -> bool:
+        """Take in all who have connected; return False when the listener is closed."""
+        with self._guard:
+            while True:
+                try:
+                    client, _ = listener.accept()
+                except BlockingIOError:
+                    return True
+                except OSError:
+                    return False
                 if self._closed:
                     client.close()
-                    return
+                    return False
+                client.setblocking(True)
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                # Long replies must fit: on virtual time a client reads only after the last byte.
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
                 self._clients.add(client)
-            Thread(
-                target=self._serve, args=(client,), name=f"{self._name} client", daemon=True
-            ).start()
+                Thread(
+                    target=self._serve, args=(client,), name=f"{self._name} client", daemon=True
+                ).start()
 
     def _serve(self, client: socket.socket) -> None:
         try:

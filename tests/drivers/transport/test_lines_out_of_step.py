@@ -23,6 +23,7 @@ from station.instruments.bench import read_bench
 from station.safety.safe_state import SafeOutcome, make_bench_safe
 
 READY_S = 300.0
+LARGEST_STEP_A = 0.25
 SINE = ("coil_supply.x", "rlg-magnetic-sensitivity")
 Energise = Callable[[Fixture, Any], None]
 
@@ -148,6 +149,30 @@ def test_no_line_too_many_makes_a_false_rest(case: str, tmp_path: Path) -> None:
                 wrong.append((met, outcome))
     assert not wrong, wrong
     assert verified >= 0.9 * tries, f"{verified} of {tries} verified"
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"fault": "stray-line", "where": "behind", "text": "0"},
+        {"fault": "duplicate-reply"},
+        {"fault": "lost-command"},
+    ],
+    ids=lambda fault: str(fault["fault"]),
+)
+def test_a_list_is_left_at_the_next_zero_where_its_line_was_out_of_step_at_this(
+    fault: dict[str, Any], tmp_path: Path
+) -> None:
+    with energised(tmp_path, "kepco list") as (fixture, instrument, _):
+        made_safe(fixture, instrument)
+        sent = [data for _, direction, data in fixture.heard if direction == ">"]
+    leaves = 1 + next(nth for nth, data in enumerate(sent) if data.startswith(b"CURR:MODE FIX;"))
+    for nth in (leaves - 1, leaves):
+        met = {**fault, "at": f"{READY_S - 1:g} s", "nth": nth}
+        with energised(tmp_path, "kepco list", met) as (fixture, instrument, _):
+            assert made_safe(fixture, instrument).verified
+            coil = fixture.simulation.simulation_report()["coils"]["x"]
+            assert coil["largest_slew_A_per_s"] * coil["time_constant_s"] < LARGEST_STEP_A
 
 
 @pytest.mark.parametrize("case", [one for one in CASES if one not in MODBUS])

@@ -252,6 +252,16 @@ def test_who_answers_at_once_does_so_in_the_thread_that_asks() -> None:
     assert threads[1:] == [threading.get_ident()] * 2
 
 
+def test_who_has_just_connected_hears_a_device_that_talks() -> None:
+    clock = VirtualClock()
+    server = LineServer("device", 0, clock, clock.lock("world"), lambda line: b"")
+    with socket.create_connection((HOST, server.port)):  # nobody accepts in a thread of its own
+        assert len(server.connected()) == 1
+    server.close()
+    assert server.connected() == []
+    clock.stop()
+
+
 def test_a_message_to_one_that_answers_at_once_does_not_hold_up_another() -> None:
     clock, said = VirtualClock(), []
 
