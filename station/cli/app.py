@@ -219,11 +219,12 @@ def report(
     ] = ReportKind.REPORT,
     paper: Annotated[Paper, typer.Option("--paper", help="Paper of a PDF.")] = Paper.A4,
     letterhead: Letterhead = None,
+    lang: Annotated[str, typer.Option(help="en, zh, or zh+en: one above the other.")] = "en",
 ) -> None:
     """Make the report or certificate of a run, into its exports folder."""
     from station.cli.reporting import remake_report
 
-    remake_report(folder, format.value, kind.value, paper.value, letterhead)
+    remake_report(folder, format.value, kind.value, paper.value, letterhead, lang)
 
 
 @app.command()

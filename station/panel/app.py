@@ -31,7 +31,7 @@ from station.panel.wishes import REQUESTS, Wishes
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
-from station.texts import catalogue, languages, preferred
+from station.texts import PANEL, catalogue, languages, preferred
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
@@ -211,7 +211,7 @@ def texts(request: Request) -> Response:
     language = request.cookies.get(LANGUAGE_COOKIE, "")
     if language not in languages():
         language = preferred(request.headers.get("accept-language", ""))
-    values = {"TEXTS": catalogue(language), "LANGUAGE": language, "LANGUAGES": languages()}
+    values = {"TEXTS": catalogue(language, PANEL), "LANGUAGE": language, "LANGUAGES": languages()}
     lines = [f"const {name} = {json.dumps(value)};" for name, value in values.items()]
     return Response("\n".join(lines), media_type="text/javascript")
 

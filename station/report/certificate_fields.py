@@ -16,7 +16,7 @@ MANDATORY: Mapping[str, tuple[str, str, str]] = {
     "number": ("7.8.2.1 d", "number of the certificate", "the run folder"),
     "customer": ("7.8.2.1 e", "name of the customer", "`customer.name` of the plan"),
     "customer_address": ("7.8.2.1 e", "address of the customer", "`customer.address` of the plan"),
-    "order": ("7.8.2.1 e", "order", "`references.order` of the plan"),
+    "order": ("7.8.2.1 e", "customer's order", "`references.order` of the plan"),
     "method": ("7.8.2.1 f", "method", "the procedure"),
     "work_instruction": (
         "7.8.2.1 f",

@@ -28,6 +28,7 @@ from station.report.numbers import (
 )
 from station.report.parts import Part, Plot, Table
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
+from station.texts import IN_ENGLISH, Texts
 
 BADGES = {
     "pass": ("✓", "Within limits"),
@@ -55,10 +56,15 @@ RULES = {
 }
 
 
-def render_html(document: ResultDocument, context: ReportContext, parts: Sequence[Part]) -> str:
+def render_html(
+    document: ResultDocument,
+    context: ReportContext,
+    parts: Sequence[Part],
+    texts: Texts = IN_ENGLISH,
+) -> str:
     """Return the report as one self-contained HTML page; same inputs give the same text."""
     return (
-        environment()
+        environment(texts)
         .get_template("report.html.j2")
         .render(
             context=context,
@@ -81,8 +87,8 @@ def render_parts(title: str, about: str, parts: Sequence[Part]) -> str:
     return template.render(title=title, about=about, css=style(), parts=[_part(p) for p in parts])
 
 
-def environment() -> Environment:
-    """Return the templates of all pages, with their filters for numbers and times."""
+def environment(texts: Texts = IN_ENGLISH) -> Environment:
+    """Return the templates of all pages, with their filters for texts, numbers and times."""
     environment = Environment(
         loader=PackageLoader("station", "report"),
         autoescape=True,
@@ -90,10 +96,18 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["t"] = texts
+    environment.filters["t"] = lambda text: _lines(texts(text))
+    environment.filters["lines"] = _lines
     environment.filters["minus"] = typeset
     environment.filters["duration"] = format_duration
     environment.filters["moment"] = _moment
     return environment
+
+
+def _lines(text: str) -> Markup:
+    """Return a text with its lines one below the other."""
+    return Markup("<br>").join(text.splitlines())
 
 
 def style() -> Markup:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,7 +11,9 @@ from typing import Literal
 
 from station.errors import InputError
 from station.report.sheet import Sheet
+from station.texts import ENGLISH
 
+FIRST_IDEOGRAPH = 0x3400
 MAIN, LETTERHEAD = "sheet.typ", "letterhead.typ"
 
 
@@ -37,11 +40,17 @@ def _compiled(
     import matplotlib as mpl
     import typst
 
+    fonts = [Path(mpl.get_data_path()) / "fonts" / "ttf"]
+    inputs = {"paper": paper}
+    data = json.dumps(sheet.to_data(), ensure_ascii=False)
+    if sheet.texts.languages != (ENGLISH,):
+        file, inputs["font"] = font_with({sign for sign in data if ord(sign) >= FIRST_IDEOGRAPH})
+        fonts.append(file.parent)
     files: dict[str, bytes] = {
         LETTERHEAD: _own(LETTERHEAD),
         **_files_of(letterhead),
         MAIN: _own(MAIN),
-        "sheet.json": json.dumps(sheet.to_data(), ensure_ascii=False).encode(),
+        "sheet.json": data.encode(),
         **sheet.pictures(),
     }
     with TemporaryDirectory() as folder:
@@ -50,16 +59,36 @@ def _compiled(
         try:
             made: bytes | list[bytes] = typst.compile(
                 Path(folder) / MAIN,
-                font_paths=[Path(mpl.get_data_path()) / "fonts" / "ttf"],
+                font_paths=fonts,
                 format=format,
                 ppi=ppi,
-                sys_inputs={"paper": paper},
+                sys_inputs=inputs,
             )
         except typst.TypstError as error:
             if letterhead is None:
                 raise
             raise InputError(f"the letterhead in {letterhead} cannot be set: {error}") from error
     return made if isinstance(made, list) else [made]
+
+
+def font_with(signs: set[str]) -> tuple[Path, str]:
+    """Return file and family of the first font of the computer that has all of some signs.
+
+    Raises InputError where none has.
+    """
+    from matplotlib.font_manager import findSystemFonts
+    from matplotlib.ft2font import FT2Font
+
+    wanted = {ord(sign) for sign in signs}
+    for name in sorted(findSystemFonts()):
+        with suppress(RuntimeError, OSError):  # a file that is no font
+            font = FT2Font(name)
+            if wanted <= font.get_charmap().keys():
+                return Path(name), font.family_name
+    raise InputError(
+        "no font of this computer has the signs of this language; install one, such as Debian's "
+        "fonts-wqy-zenhei, or make the report as html"
+    )
 
 
 def _own(name: str) -> bytes:

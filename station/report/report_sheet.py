@@ -48,8 +48,8 @@ def _sections(
     yield Section("Results", (_results(document),))
     if document.published:
         yield Section("The published formula on the same data", (_published(document),))
-    flags = [f"{flag.code} {flag.axis or ''}: {flag.message}" for flag in document.flags]
-    yield Section("What the reader must know", _list(flags))
+    flags = [(f"{flag.code} {flag.axis or ''}".strip(), flag.message) for flag in document.flags]
+    yield Section("What the reader must know", (pairs(flags),) if flags else ())
     yield Section("Measurement and analysis", tuple(_part(part) for part in parts))
     yield Section("Uncertainty budget", tuple(_budgets(document)))
     yield Section("Parameters of the plan", (pairs(context.parameters),))
@@ -96,7 +96,8 @@ def _budgets(document: ResultDocument) -> Iterator[Block]:
         keys = ("description", "kind", "contribution", "share", "source")
         rows = [[row[key] for key in keys] for row in budget["rows"]]
         rows.append(["combined", "", budget["total"], "", ""])
-        yield grid(columns, rows, title=f"{budget['name']} {budget['axis']}".strip())
+        of_axis = f" of axis {budget['axis']}" if budget["axis"] else ""
+        yield grid(columns, rows, title=f"{budget['name']}{of_axis}")
 
 
 def _steps(context: ReportContext) -> Iterator[Block]:

@@ -25,6 +25,7 @@ from station.report.drawing import parts_of
 from station.report.html import render_html
 from station.results import ResultDocument
 from station.safety.interlocks.reading import CHAIN
+from station.texts import IN_ENGLISH, Texts
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -33,10 +34,12 @@ if TYPE_CHECKING:
 ASKED_LAST = "asked once bench and results were done"
 
 
-def report_of_run(folder: RunFolder, document: ResultDocument, findings: Findings) -> str:
+def report_of_run(
+    folder: RunFolder, document: ResultDocument, findings: Findings, texts: Texts = IN_ENGLISH
+) -> str:
     """Return the report of a run as one HTML page."""
     context, procedure = context_of_run(folder)
-    return render_html(document, context, parts_of(procedure, findings, document))
+    return render_html(document, context, parts_of(procedure, findings, document), texts)
 
 
 def context_of_run(folder: RunFolder) -> tuple[ReportContext, Procedure]:

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from station.report.numbers import is_numeric_column, typeset
+from station.texts import IN_ENGLISH, Texts
+
+PRINTED = (
+    "DRAFT",
+    "DRAFT: not to be issued",
+    "Draft: this document is not to be issued, because",
+    "Accreditation:",
+    "Contents",
+    "Page",
+    "of",
+    "date and signature",
+)
+"""What stands on the paper itself."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +37,16 @@ class Block:
     numeric: tuple[bool, ...] = ()
     image: bytes = b""
 
+    def translated(self, texts: Texts) -> Block:
+        """Return the block in other languages; numbers stay as they are."""
+        return replace(
+            self,
+            title=texts(self.title),
+            caption=texts(self.caption),
+            columns=tuple(map(texts, self.columns)),
+            rows=tuple(tuple(map(texts, row)) for row in self.rows),
+        )
+
 
 @dataclass(frozen=True)
 class Section:
@@ -31,6 +54,10 @@ class Section:
 
     title: str
     blocks: tuple[Block, ...]
+
+    def translated(self, texts: Texts) -> Section:
+        """Return the section in other languages."""
+        return Section(texts(self.title), tuple(block.translated(texts) for block in self.blocks))
 
 
 @dataclass(frozen=True)
@@ -46,10 +73,24 @@ class Sheet:
     sections: tuple[Section, ...]
     drafts: tuple[str, ...] = ()
     contents: bool = False
+    texts: Texts = IN_ENGLISH
+
+    def translated(self, texts: Texts) -> Sheet:
+        """Return the sheet in other languages; what has no translation stays in English."""
+        return replace(
+            self,
+            kind=texts(self.kind),
+            title=texts(self.title),
+            drafts=tuple(map(texts, self.drafts)),
+            sections=tuple(part.translated(texts) for part in self.sections),
+            texts=texts,
+        )
 
     def to_data(self) -> dict[str, Any]:
         """Return the sheet as plain data; a picture is the name of its file."""
-        data = asdict(self)
+        data = asdict(replace(self, texts=IN_ENGLISH))
+        data["texts"] = {text: self.texts(text) for text in PRINTED}
+        data["language"] = self.texts.languages[0]
         names = iter(self.pictures())
         for section in data["sections"]:
             for block in section["blocks"]:

@@ -21,7 +21,7 @@ def render_sheet(sheet: Sheet, letterhead: Path | None = None) -> str:
     """
     own = resources.files("station.report").joinpath("sheet.css").read_text(encoding="utf-8")
     return (
-        environment()
+        environment(sheet.texts)
         .get_template("sheet.html.j2")
         .render(sheet=sheet, css=style() + Markup(own), letterhead=_read(letterhead))
     )

@@ -14,7 +14,7 @@ from selenium.webdriver.support.ui import Select
 
 from station.control.status import SENTENCES
 from station.panel.app import PAGES
-from station.texts import ENGLISH, catalogue, languages, preferred
+from station.texts import ENGLISH, PANEL, catalogue, languages, preferred
 
 CALL = re.compile(r'\bt\("((?:[^"\\]|\\.)*)"')
 PLACE = re.compile(r"\{(\w+)\}")
@@ -59,7 +59,7 @@ def used() -> set[str]:
 
 @pytest.mark.parametrize("language", [one for one in languages() if one != ENGLISH])
 def test_no_text_is_missing_and_none_is_unused(language: str) -> None:
-    texts = catalogue(language)
+    texts = catalogue(language, PANEL)
     assert used() - set(texts) == set()
     assert set(texts) - used() == set()
     assert all(text.strip() for text in texts.values())
@@ -91,17 +91,17 @@ def test_the_choice_on_the_page_goes_before_the_wish_of_the_browser(served: Serv
     assert 'LANGUAGE = "en"' in script
     _, script = served.get(path, Cookie="station-language=zh")
     texts = re.search(r"TEXTS = (.*);\n", script)
-    assert texts is not None and json.loads(texts[1]) == catalogue("zh")
+    assert texts is not None and json.loads(texts[1]) == catalogue("zh", PANEL)
 
 
 def test_a_language_is_chosen_and_remembered(page: Page, served: Served) -> None:
     page.driver.get(served.url)
     page.wait_for("start-title", "Start a run")
     Select(page.element("language")).select_by_value("zh")
-    page.wait_for("start-title", catalogue("zh")["Start a run"])
+    page.wait_for("start-title", catalogue("zh", PANEL)["Start a run"])
     page.driver.get(served.url)
     page.wait_for("connection", "操作员")
-    assert page.text("start-title") == catalogue("zh")["Start a run"]
+    assert page.text("start-title") == catalogue("zh", PANEL)["Start a run"]
     assert page.driver.execute_script("return document.documentElement.lang") == "zh"
     assert page.accessibility_findings() == []
     Select(page.element("language")).select_by_value("en")
