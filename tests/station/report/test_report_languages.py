@@ -45,7 +45,12 @@ def words_of_the_code() -> str:
 def test_no_translation_is_one_of_a_text_that_nothing_uses() -> None:
     words = words_of_the_code()
     parts = {english: PLACE.split(english) for english in catalogue("zh", REPORT)}
-    unused = [(english, part) for english, of in parts.items() for part in of if part not in words]
+    unused = [
+        (english, part)
+        for english, of in parts.items()
+        for part in of
+        if part.strip(" ,.:").removesuffix(" at") not in words
+    ]
     assert unused == []
 
 
