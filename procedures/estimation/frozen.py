@@ -141,21 +141,32 @@ def repeated_windows(columns: Sequence[Array]) -> list[Mask]:
     long = [n for n, column in enumerate(columns) if len(column) >= IN_A_SHORT_RECORD]
     if not long:
         return masks
-    # Odd numbers: two windows of samples with the same sum of products are the same.
+    # Odd numbers: two windows of samples with the same sum of products are nearly always the same.
     hash_of = np.cumprod(np.full(IN_A_ROW, _FACTOR, dtype=np.uint64))
-    hashes, finite = [], []
-    for n in long:
+    hashes, finite, begins, widths = [], [], [], []
+    ends = np.cumsum([len(columns[n]) for n in long])
+    for n, end in zip(long, ends, strict=True):
         wide = min(IN_A_ROW, len(columns[n]))
         bits = np.ascontiguousarray(columns[n]).view(np.uint64)
-        hashes.append((sliding_window_view(bits, wide) * hash_of[:wide]).sum(axis=1))
+        bits = bits ^ (bits >> np.uint64(29))  # single precision leaves the lower ones zero
+        hashed = (sliding_window_view(bits, wide) * hash_of[:wide]).sum(axis=1)
+        hashes.append(hashed)
         finite.append(sliding_window_view(np.isfinite(columns[n]), wide).all(axis=1))
-    together = np.concatenate(hashes)
-    _, first = np.unique(together, return_index=True)
+        begins.append(end - len(columns[n]) + np.arange(len(hashed)))
+        widths.append(np.full(len(hashed), wide))
+    _, first, same = np.unique(np.concatenate(hashes), return_index=True, return_inverse=True)
     again = np.concatenate(finite)
     again[first] = False
-    ends = np.cumsum([len(hashed) for hashed in hashes])
-    for window in np.flatnonzero(again).tolist():
-        place = int(np.searchsorted(ends, window, side="right"))
-        start = window - (int(ends[place - 1]) if place else 0)
-        masks[long[place]][start : start + IN_A_ROW] = True
+    values, begin, width = map(np.concatenate, ([columns[n] for n in long], begins, widths))
+    own, before = np.flatnonzero(again), first[same[again]]
+    # Two sums may be alike by chance: the samples decide.
+    for k in range(IN_A_ROW):
+        alike = values[np.minimum(begin[own] + k, len(values) - 1)]
+        alike = alike == values[np.minimum(begin[before] + k, len(values) - 1)]
+        kept = (width[own] == width[before]) & (alike | (k >= width[own]))
+        own, before = own[kept], before[kept]
+    for start in begin[own].tolist():
+        place = int(np.searchsorted(ends, start, side="right"))
+        at = start - (int(ends[place - 1]) if place else 0)
+        masks[long[place]][at : at + IN_A_ROW] = True
     return masks
