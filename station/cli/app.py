@@ -18,16 +18,12 @@ from station.cli.options import (
     ExportFormat,
     Json,
     Kind,
-    Letterhead,
     NewestRun,
     NonInteractive,
     Overrides,
-    Paper,
     PlanName,
     Procedure,
     Rehearsed,
-    ReportFormat,
-    ReportKind,
     RunFolder,
     Served,
     Traced,
@@ -199,32 +195,28 @@ def analyse(
     compare: Annotated[
         bool, typer.Option("--compare", help="Print the largest difference from stored results.")
     ] = False,
+    every_run: Annotated[
+        bool, typer.Option("--all", help="DATA is a folder of run folders: all into one table.")
+    ] = False,
+    scheduler: Annotated[
+        str | None, typer.Option(help="With --all: a Dask cluster, such as tcp://host:8786.")
+    ] = None,
+    with_calibration: Annotated[
+        Path | None, typer.Option(help="With --all: YAML file of a recalled certificate.")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Compute results of a run again, or of a dataset."""
+    """Compute results of a run again, of a dataset, or of many runs."""
     from station.cli.analysing import analyse_data
+    from station.cli.reanalysing import analyse_store, refuse_without_all
 
+    if every_run:
+        raise typer.Exit(analyse_store(data, output, scheduler, with_calibration, as_json=json))
+    refuse_without_all(scheduler, with_calibration)
     raise typer.Exit(analyse_data(data, output, compare=compare, as_json=json))
 
 
 app.command("analyze", hidden=True)(analyse)
-
-
-@app.command()
-def report(
-    folder: RunFolder,
-    format: Annotated[ReportFormat, typer.Option("--format")] = ReportFormat.HTML,
-    kind: Annotated[
-        ReportKind, typer.Option("--kind", help="The whole report, or a certificate.")
-    ] = ReportKind.REPORT,
-    paper: Annotated[Paper, typer.Option("--paper", help="Paper of a PDF.")] = Paper.A4,
-    letterhead: Letterhead = None,
-    lang: Annotated[str, typer.Option(help="en, zh, or zh+en: one above the other.")] = "en",
-) -> None:
-    """Make the report or certificate of a run, into its exports folder."""
-    from station.cli.reporting import remake_report
-
-    remake_report(folder, format.value, kind.value, paper.value, letterhead, lang)
 
 
 @app.command()

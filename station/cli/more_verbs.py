@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-from station.cli.options import DEFAULT_BENCH, MOUNTED, Json, Procedure, SchemaKind, named_run
+from station.cli.options import (
+    DEFAULT_BENCH,
+    MOUNTED,
+    Json,
+    Letterhead,
+    Paper,
+    Procedure,
+    ReportFormat,
+    ReportKind,
+    RunFolder,
+    SchemaKind,
+    named_run,
+)
 
 
 def sim(
@@ -46,6 +58,22 @@ def schema(
     from station.schema import schema_text
 
     print(schema_text(kind.value, built_in=built_in), end="")
+
+
+def report(
+    folder: RunFolder,
+    format: Annotated[ReportFormat, typer.Option("--format")] = ReportFormat.HTML,
+    kind: Annotated[
+        ReportKind, typer.Option("--kind", help="The whole report, or a certificate.")
+    ] = ReportKind.REPORT,
+    paper: Annotated[Paper, typer.Option("--paper", help="Paper of a PDF.")] = Paper.A4,
+    letterhead: Letterhead = None,
+    lang: Annotated[str, typer.Option(help="en, zh, or zh+en: one above the other.")] = "en",
+) -> None:
+    """Make the report or certificate of a run, into its exports folder."""
+    from station.cli.reporting import remake_report
+
+    remake_report(folder, format.value, kind.value, paper.value, letterhead, lang)
 
 
 def history(
@@ -113,6 +141,7 @@ def add_to(app: typer.Typer) -> None:
     """Add the verbs to the command line."""
     app.command()(sim)
     app.command()(panel)
+    app.command()(report)
     app.command()(schema)
     app.command()(verify)
     app.command()(sign)

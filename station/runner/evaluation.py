@@ -6,7 +6,7 @@ import json
 import mmap
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date
@@ -44,17 +44,21 @@ LIBRARIES_BYTES = 280_000_000
 """Address space that SciPy and a report take, once a record is read; little of it is touched."""
 
 
-def evaluate_run(folder: RunFolder) -> tuple[ResultDocument, Findings]:
+def evaluate_run(
+    folder: RunFolder, recalled: Callable[[Bench], Bench] | None = None
+) -> tuple[ResultDocument, Findings]:
     """Return the results of a run and what lies behind them, from its folder alone.
 
-    Units of work whose raw data are damaged or missing are left out and named. Raises DamagedRecord
-    where plan, bench, log or a file that the plan named is not the one of the run, InputError where
-    the analysis finds no solution.
+    `recalled` puts other calibration records in the place of those of its bench. Units of work
+    whose raw data are damaged or missing are left out and named. Raises DamagedRecord where plan,
+    bench, log or a file that the plan named is not the one of the run, InputError where the
+    analysis finds no solution.
     """
     damage = folder.damage
     damage.refuse_altered()
     folder.leave_out(damage.units)
     plan, bench = read_plan_and_bench(folder)
+    bench = recalled(bench) if recalled else bench
     procedure = procedure_of(plan.procedure)
     try:
         with quiet_numbers():
@@ -218,8 +222,13 @@ def write_revision(
 
 def write_results(place: Path, document: ResultDocument) -> None:
     """Write `results.json` into `place`."""
+    write_whole_file(place / RESULTS, text_of(document).encode())
+
+
+def text_of(document: ResultDocument) -> str:
+    """Return the text of `results.json`."""
     text = json.dumps(document.to_data(), indent=1, ensure_ascii=False, allow_nan=False)
-    write_whole_file(place / RESULTS, f"{text}\n".encode())
+    return f"{text}\n"
 
 
 def write_files(place: Path, document: ResultDocument, findings: Findings) -> None:

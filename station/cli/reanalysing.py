@@ -1,0 +1,130 @@
+"""`station analyse --all`: every run of a store again, in one table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from station.clock import RealClock
+from station.console import span, tell
+from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
+from station.reanalysis.one_run import Row
+from station.record.layout import EVENTS
+
+TABLE = "analysis.parquet"
+SAYS_EVERY_S = 5.0
+MOST_LISTED = 20
+NOTICED_U = 1e-6
+"""A change below this part of its uncertainty is the last digit of another processor."""
+
+
+def analyse_store(
+    store: Path,
+    output: Path | None,
+    scheduler: str | None,
+    calibration: Path | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Evaluate every run below a folder again, write the table, print what changed.
+
+    Returns the exit code: 2 where a run cannot be evaluated. Raises InputError where there is none.
+    """
+    from station.reanalysis.recall import read_recall
+    from station.reanalysis.scheduling import evaluated
+    from station.reanalysis.table import write_table
+
+    recall = read_recall(calibration) if calibration else None
+    folders = run_folders(store)
+    file = (output or store) / TABLE
+    rows: list[Row] = []
+    for several in _told(evaluated(folders, recall, scheduler), len(folders)):
+        rows.extend(several)
+    rows.sort(key=lambda row: row["folder"])
+    write_table(rows, file)
+    summary = summary_of(rows, len(folders), file)
+    if as_json:
+        print(json.dumps(summary, indent=1, ensure_ascii=False))
+    else:
+        print_summary(summary, recall.replaces if recall else None)
+    return EXIT_WRONG_INPUT if summary["failed"] else EXIT_DONE
+
+
+def refuse_without_all(*options: object) -> None:
+    """Raise InputError where an option is given that only `--all` has."""
+    if any(option is not None for option in options):
+        raise InputError("--scheduler and --with-calibration go with --all, and with a store")
+
+
+def run_folders(store: Path) -> list[str]:
+    """Return the run folders below a folder, at any depth; raises InputError for none."""
+    folders = sorted({str(path.parent.resolve()) for path in store.rglob(EVENTS)})
+    folders = [folder for folder in folders if not Path(folder).name.startswith(".")]
+    if not folders:
+        raise InputError(f"there is no run folder below {store}; name the folder that holds them")
+    return folders
+
+
+def summary_of(rows: Sequence[Row], runs: int, file: Path) -> dict[str, Any]:
+    """Return how many runs and results there are, what changed most, and what failed."""
+    results = [row for row in rows if "error" not in row]
+    changed = [row for row in results if _has_changed(row)]
+    changed.sort(key=lambda row: -abs(row["change_in_u"] or float("inf")))
+    keys = ("run", "name", "axis", "stored_value", "value", "unit", "change_in_u", "result_verdict")
+    return {
+        "runs": runs,
+        "evaluated": len({row["folder"] for row in results}),
+        "results": len(results),
+        "changed": len(changed),
+        "largest_changes": [{key: row[key] for key in keys} for row in changed[:MOST_LISTED]],
+        "verdicts_changed": sorted(
+            {row["run"] for row in results if row["verdict"] != row["stored_verdict"]}
+        ),
+        "failed": {row["folder"]: row["error"] for row in rows if "error" in row},
+        "table": str(file),
+    }
+
+
+def print_summary(summary: dict[str, Any], recalled: str | None) -> None:
+    """Print a summary for a person; `recalled` is the certificate that was asked about."""
+    if recalled is not None:
+        print(f"{summary['evaluated']} of {summary['runs']} runs used certificate {recalled}")
+    else:
+        print(f"{summary['evaluated']} of {summary['runs']} runs evaluated again")
+    print(f"{summary['changed']} of {summary['results']} results differ from the stored ones")
+    for row in summary["largest_changes"]:
+        moved = "" if row["change_in_u"] is None else f", {row['change_in_u']:+.3g} u"
+        print(
+            f"  {row['run']} {row['name']} {row['axis'] or ''}: {row['stored_value']} → "
+            f"{row['value']} {row['unit']}{moved}"
+        )
+    if summary["changed"] > MOST_LISTED:
+        print(f"  {summary['changed'] - MOST_LISTED} more are in the table")
+    for run in summary["verdicts_changed"]:
+        print(f"another verdict: {run}")
+    for folder, why in summary["failed"].items():
+        print(f"cannot be evaluated: {folder}: {why}")
+    print(f"written: {summary['table']}")
+
+
+def _has_changed(row: Row) -> bool:
+    if row["value"] is None or row["stored_value"] is None:
+        return row["value"] is not row["stored_value"]
+    before, now = row["stored_expanded_uncertainty"], row["expanded_uncertainty"]
+    if None not in (before, now) and abs(now - before) > NOTICED_U * before:
+        return True
+    return row["change_in_u"] is not None and abs(row["change_in_u"]) > NOTICED_U
+
+
+def _told(done: Iterator[list[Row]], runs: int) -> Iterator[list[Row]]:
+    """Pass on what comes, and report every few seconds how far it is."""
+    clock = RealClock()
+    began_s = said_s = clock.now()
+    for number, rows in enumerate(done, start=1):
+        yield rows
+        if clock.now() - said_s >= SAYS_EVERY_S and number < runs:
+            said_s = clock.now()
+            left_s = (said_s - began_s) / number * (runs - number)
+            tell(f"{number} of {runs} runs evaluated, about {span(left_s)} left")

@@ -1,0 +1,65 @@
+"""Many runs on the processes of Dask: of this computer, or of a cluster by its address."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from station.errors import InputError
+from station.reanalysis.one_run import Row, rows_of_run
+from station.reanalysis.recall import Recall
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+RETRIES = 3
+"""So often a run is given to another worker where one died of it."""
+CONNECT_S = 30.0
+
+
+def evaluated(
+    folders: Sequence[str], recall: Recall | None, scheduler: str | None
+) -> Iterator[list[Row]]:
+    """Yield the rows of each run as it is done, in any order.
+
+    What a worker had in hand when it died another does again; a run that kills each of its workers
+    has a row that says so. Raises InputError where no cluster answers.
+    """
+    from distributed import as_completed
+
+    with _client(scheduler) as client:
+        futures = client.map(rows_of_run, folders, recall=recall, retries=RETRIES, pure=False)
+        for future in as_completed(futures):
+            error = future.exception()
+            if error is None:
+                yield future.result()
+            else:
+                number = futures.index(future)
+                yield [{"folder": folders[number], "error": f"no worker lived through it: {error}"}]
+
+
+@contextmanager
+def _client(scheduler: str | None) -> Iterator[Client]:
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise InputError(
+            f"there is no {error.name}, on which many runs are evaluated; install it with "
+            "`pip install inertial-station[cluster]`"
+        ) from error
+    if scheduler is None:
+        with (
+            LocalCluster(threads_per_worker=1, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        with Client(scheduler, timeout=CONNECT_S) as client:
+            yield client
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {scheduler} ({error}); start one with `dask scheduler`, "
+            "and workers that see the store at the same path"
+        ) from error
