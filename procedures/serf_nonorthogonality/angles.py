@@ -160,7 +160,10 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
     own = slopes @ mapping
     # What ran away without converging says so itself.
     with np.errstate(over="ignore", invalid="ignore"):
-        inverse = np.linalg.pinv(own.T @ weight @ own, hermitian=True)
+        normal = own.T @ weight @ own
+        inverse = np.full_like(normal, np.nan)
+        if np.all(np.isfinite(normal)):
+            inverse = np.linalg.pinv(normal, hermitian=True)
     gain = mapping @ inverse @ own.T @ weight
     left = omega - frequencies(commanded_nT, p)
     chi_square = float(left @ weight @ left)

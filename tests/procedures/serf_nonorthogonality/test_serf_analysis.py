@@ -148,6 +148,16 @@ def test_the_general_solution_is_exact_without_noise_and_agrees_with_the_closed_
     assert list(closed.values()) == pytest.approx(found.cosine.tolist(), abs=1e-4)
 
 
+def test_frequencies_of_no_cell_give_a_solution_that_did_not_settle() -> None:
+    fields = Cell().commanded_nT
+    for seed in range(20):  # frequencies over twenty orders: what a cell without light records
+        chance = np.random.default_rng(seed)
+        omega = 10.0 ** chance.uniform(-6.0, 6.0, 14) * chance.choice([1.0, 1e-3, 1e6], 14)
+        found = solve(fields, omega, 1e-6 * np.eye(14), known=False)
+        settled = found.converged and found.positive_definite
+        assert not settled or np.all(np.isfinite(found.covariance))
+
+
 def test_unequal_fields_and_missing_shots_are_solved_as_well() -> None:
     cell = Cell(residual_nT=RESIDUAL, factors=COILS, pull=False)
     fields = cell.commanded_nT * np.array([1.0, 0.8, 1.3])
