@@ -27,6 +27,7 @@ from typing import Annotated, Any, get_args
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationInfo,
@@ -190,3 +191,10 @@ Millitesla = Annotated[float, Unit("mT")]
 Degree = Annotated[float, Unit("deg")]
 DegreePerSecond = Annotated[float, Unit("deg/s")]
 Celsius = Annotated[float, Unit("degC")]
+
+
+class InputAxis(StrictModel):
+    """Where a positive input axis points."""
+
+    azimuth_deg: Annotated[float, Unit("deg"), Field(ge=-360, le=360)]
+    elevation_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]

@@ -80,6 +80,11 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, int | Fraction]]] = {
         "0.01 deg/h/degC",
         {"deg/h/degC": 1},
     ),
+    "rate-per-temperature-slew": (
+        "a sensitivity of rate to the rate of temperature",
+        "0.4 deg/h/(degC/min)",
+        {"deg/h/(degC/min)": 1},
+    ),
     "acceleration": (
         "an acceleration",
         "1 g",

@@ -558,6 +558,18 @@ CONDITIONS = {
         "attitude_uncertainty": "standard uncertainty of azimuth and of elevation",
         "warm_up": "after power-on; earlier samples do not count",
     },
+    "gyro-bias-temperature": {
+        "sample_interval": "time between two rows, over which each is the mean",
+        "timestamp": "which part of its interval `t_s` of a row is",
+        "latitude": "latitude of the chamber, north positive, for the earth's rate",
+        "input_axis": "where each positive input axis points",
+        "input_axis.NAME.azimuth": "from north, clockwise seen from above",
+        "input_axis.NAME.elevation": "above the horizon",
+        "attitude_uncertainty": "standard uncertainty of both angles; 0 unless given",
+        "reference_temperature": "temperature of the gyro at which the bias is reported",
+        "sensor_lag_prior": "standard uncertainty, known beforehand, of how far the gyro's "
+        "temperature runs ahead of what its bias follows",
+    },
     "accelerometer-tumble": {
         "local_gravity": "gravity where the stage stands",
         "local_gravity_uncertainty": "its standard uncertainty; 0 unless given",

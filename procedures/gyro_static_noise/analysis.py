@@ -9,6 +9,7 @@ import numpy as np
 
 from procedures.estimation.flags import gaps_of
 from procedures.estimation.measured import Measured, root
+from procedures.estimation.screening import screen
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
 from .axis import AxisAnalysis
@@ -23,7 +24,6 @@ from .means import allan_minimum, bias_of, repeatability_of, stability_of
 from .noise_fit import Pieces, fit_noise, noise_records
 from .parameters import UNITS
 from .published import curve_of, published_values
-from .screening import screen
 
 FACTORS = np.array([1.0, 1.0 / PER_SQRT_H, 1.0, PER_SQRT_H])
 """From arcsec, deg/h sqrt(s), deg/h, deg/h/sqrt(s) to the units of the results."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from procedures.estimation.allan import AllanDeviation
+from procedures.estimation.screening import Screened
 
 from .dataset import Array
 from .means import Minimum
 from .noise_fit import NoiseFit
-from .screening import Screened
 
 
 @dataclass(frozen=True)

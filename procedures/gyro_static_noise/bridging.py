@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from procedures.estimation.rate_spectrum import covariances
+from procedures.estimation.screening import gaps
 
 from .dataset import Array
-from .screening import gaps
 
 AROUND = 40
 """Samples on either side that a gap is predicted from."""

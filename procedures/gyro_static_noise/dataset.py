@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.direction import Direction
 from station.findings import FlagThresholds
 
 from .parameters import UNITS
@@ -16,32 +17,11 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.int64]
 
-EARTH_DEG_PER_H = 15.041
 SECONDS_PER_HOUR = 3600.0
 PER_SQRT_H = 60.0
 """deg/h sqrt(s) over deg/sqrt(h), and deg/h/sqrt(h) over deg/h/sqrt(s)."""
 
 COEFFICIENTS = tuple(UNITS)[:4]
-
-
-@dataclass(frozen=True)
-class Direction:
-    """Where a positive input axis points: clockwise from north, and above level."""
-
-    azimuth_rad: float
-    elevation_rad: float
-
-    def earth_deg_per_h(self, latitude_rad: float) -> float:
-        """Return the earth's rate along it."""
-        level = np.cos(latitude_rad) * np.cos(self.elevation_rad) * np.cos(self.azimuth_rad)
-        return float(EARTH_DEG_PER_H * (level + np.sin(latitude_rad) * np.sin(self.elevation_rad)))
-
-    def sensitivities(self, latitude_rad: float) -> tuple[float, float]:
-        """Return what the earth's rate gains, deg/h per rad of azimuth and of elevation."""
-        a, e, north = self.azimuth_rad, self.elevation_rad, np.cos(latitude_rad)
-        azimuth = -north * np.cos(e) * np.sin(a)
-        elevation = -north * np.sin(e) * np.cos(a) + np.sin(latitude_rad) * np.cos(e)
-        return float(EARTH_DEG_PER_H * azimuth), float(EARTH_DEG_PER_H * elevation)
 
 
 @dataclass(frozen=True)

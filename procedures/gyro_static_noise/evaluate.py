@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from procedures.estimation.direction import attitude_inputs
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .dataset import AnalysisSettings, StaticDataset
+from .dataset import AnalysisSettings
 from .from_import import dataset_of_import
 from .from_record import dataset_of_run
 from .parameters import StaticParameters
@@ -21,14 +20,13 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 PPM = 1e-6
-ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says."""
     dataset, conditions = dataset_of_import(raw)
     u_arcmin = conditions.attitude_uncertainty_arcmin
-    inputs = list(attitude_inputs(dataset, u_arcmin, "the dataset's conditions"))
+    inputs = list(attitude_inputs(dataset.directions, u_arcmin, "the dataset's conditions"))
     return findings_of(analyse(dataset), dataset, inputs)
 
 
@@ -36,22 +34,11 @@ def findings_of_run(folder: RunFolder, parameters: StaticParameters, bench: Benc
     """Return what a run's finished switch-ons say, type B inputs from plan and bench file."""
     dataset = dataset_of_run(folder, parameters, bench)
     settings = AnalysisSettings(**dict(parameters.thresholds))
-    inputs = list(attitude_inputs(dataset, parameters.attitude_uncertainty_arcmin, "the plan"))
+    inputs = list(
+        attitude_inputs(dataset.directions, parameters.attitude_uncertainty_arcmin, "the plan")
+    )
     u_clock = parameters.clock_ppm * PPM
     inputs.append(InputQuantity("clock", "rate of the station's clock", u_clock, "1", "the plan"))
     about = "weight of a pulse"
     inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", about, relative=True)
     return findings_of(analyse(dataset, settings), dataset, inputs)
-
-
-def attitude_inputs(
-    dataset: StaticDataset, u_arcmin: float, source: str
-) -> Iterator[InputQuantity]:
-    """Yield how well azimuth and elevation of each input axis are known."""
-    if u_arcmin <= 0.0:
-        return
-    for axis in dataset.directions:
-        for angle in ("azimuth", "elevation"):
-            about = f"{angle} of {axis}, {u_arcmin:g} arcmin"
-            u_rad = u_arcmin / ARCMIN_PER_RAD
-            yield InputQuantity(f"{angle}_{axis}", about, u_rad, "rad", source)

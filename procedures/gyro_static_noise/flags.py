@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from procedures.estimation.flags import counted, not_identifiable
+from procedures.estimation.screening import is_coarse, smallest_step
 from station.findings import Flag
 
 from .axis import AxisAnalysis
 from .dataset import COEFFICIENTS, AnalysisSettings, StaticDataset
 from .parameters import UNITS
-from .screening import is_coarse, smallest_step
 
 
 def data_flags(

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.estimation.direction import Direction
 from station.dataset_checks import switch_ons
 from station.dataset_reading import Table
-from station.fields import StrictModel, Unit
+from station.fields import InputAxis, StrictModel, Unit
 
-from .dataset import Direction, Record, StaticDataset
-from .parameters import InputAxis
+from .dataset import Record, StaticDataset
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.estimation.alignment import align, unwrapped
+from procedures.estimation.direction import Direction
 from procedures.estimation.pulses import pulses_of
 
-from .dataset import Direction, Record, StaticDataset
+from .dataset import Record, StaticDataset
 from .parameters import StaticParameters
 from .work import GYRO
 

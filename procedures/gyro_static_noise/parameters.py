@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from station.fields import StrictModel, Unit
+from station.fields import InputAxis, StrictModel, Unit
 from station.findings import FlagThresholds
 
 UNITS = {
@@ -22,13 +22,6 @@ UNITS = {
 }
 
 SHORTEST = 40
-
-
-class InputAxis(StrictModel):
-    """Where a positive input axis points."""
-
-    azimuth_deg: Annotated[float, Unit("deg"), Field(ge=-360, le=360)]
-    elevation_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
 
 
 class Thresholds(StrictModel):

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.direction import Direction
 from procedures.estimation.rate_spectrum import coefficients, noise_variances
 from procedures.estimation.reml import Stretch, components_at
 from procedures.gyro_static_noise.analysis import analyse
-from procedures.gyro_static_noise.dataset import PER_SQRT_H, Direction, Record, StaticDataset
+from procedures.gyro_static_noise.dataset import PER_SQRT_H, Record, StaticDataset
 from procedures.gyro_static_noise.rounding import rounding_variances
 
 Array = NDArray[np.float64]

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
 
-from .dataset import Array, Index, Mask
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
 
 AROUND = 31
 """Samples whose median a sample is held against."""

@@ -1,0 +1,145 @@
+"""What the reader must know about a bias over temperature, one flag a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable, too_stiff
+from procedures.estimation.screening import Screened
+from station.findings import Estimate, Flag, contradiction
+
+from .dataset import AnalysisSettings, TemperatureDataset
+from .fit import BiasFit
+from .units import UNITS
+
+LEAST_EARTH_DEG_PER_H, NEAR = 1.0, 0.1
+WHY = {
+    "bias": "the reference temperature is outside the range of the record",
+    "bias_temperature_sensitivity": "no soak ends 5 degC or more from the reference temperature, "
+    "or that is outside the range of the record",
+    "bias_rate_sensitivity": "the temperature changed at one rate only, which the curve, or the "
+    "hysteresis, follows as well",
+    "hysteresis": "less than a fifth of the range was passed both ways, or at one rate without "
+    "soaks",
+    "chamber_lag": "there is no thermometer of the gyro, or its lag behind the chamber has no end "
+    "that can be seen",
+}
+"""Why a result is undetermined where there is a solution."""
+
+
+def data_flags(
+    dataset: TemperatureDataset, axis: str, screened: Screened, settings: AnalysisSettings
+) -> list[Flag]:
+    """Return the flags on the rows of one axis."""
+    flags = []
+    if screened.wild:
+        sentence = (
+            f"{counted(screened.wild, 'row')} of {axis} lie more than {settings.outlier:g} "
+            "standard deviations from their neighbours and are left out."
+        )
+        flags.append(Flag("outliers-rejected", sentence, axis, {"count": screened.wild}))
+    if screened.frozen:
+        extent = counted(screened.frozen, "row")
+        details = {"count": screened.frozen}
+        flags.append(frozen("The output", extent, "the gyro", "They are left out.", details, axis))
+    if screened.saturated:
+        sentence = (
+            f"Saturated: the output stands at its largest value in "
+            f"{counted(screened.saturated, 'row')}; they are left out."
+        )
+        flags.append(Flag("overload", sentence, axis, {"count": screened.saturated}))
+    gaps = gaps_of(dataset.time_s, dataset.sample_interval_s, settings.gap)
+    then = "temperature and output are interpolated there"
+    flags += (gaps or Gaps()).flags("The rows have", dataset.sample_interval_s, then, axis)
+    return flags
+
+
+def result_flags(
+    dataset: TemperatureDataset,
+    axis: str,
+    fit: BiasFit | None,
+    estimates: Sequence[Estimate],
+    settings: AnalysisSettings,
+) -> list[Flag]:
+    """Return the flags on the results of one axis."""
+    named = {estimate.name: estimate for estimate in estimates}
+    lacking = [name for name in UNITS if named[name].value is None]
+    flags = []
+    if fit is None:
+        sentence = f"The temperature hardly moved, or too few rows of {axis} are left: no curve."
+        flags.append(not_identifiable(sentence, lacking, axis))
+        return flags
+    for name in lacking:
+        sentence = f"{name.replace('_', ' ').capitalize()} is undetermined: {WHY[name]}."
+        flags.append(not_identifiable(sentence, [name], axis))
+    low, high = _range(dataset)
+    if not low <= dataset.reference_degC <= high:
+        sentence = (
+            f"The reference temperature {dataset.reference_degC:g} degC is outside the record's "
+            f"{low:.4g} degC to {high:.4g} degC; the curve says nothing there."
+        )
+        flags.append(Flag("extrapolation", sentence, axis, {"range": [low, high]}))
+    for name in ("bias_rate_sensitivity", "hysteresis"):
+        estimate = named[name]
+        if estimate.value is None or not estimate.standard_uncertainty:
+            continue
+        in_u = abs(estimate.value) / estimate.standard_uncertainty
+        if in_u < settings.not_significant:
+            words = name.replace("_", " ")
+            sentence = f"The {words} of {axis} cannot be distinguished from none ({in_u:.2g} u)."
+            flags.append(Flag("not-significant", sentence, axis, {"name": name, "in_u": in_u}))
+    flags += _prior(dataset, axis, fit)
+    flags += _earth(dataset, axis, fit)
+    lag_one = _lag_one(fit)
+    if lag_one > settings.model_too_stiff:
+        follows = "curve, rate and hysteresis do not follow the output"
+        flags.append(too_stiff(lag_one, f" of {axis}, long waves left out", follows, axis))
+    return flags
+
+
+def _prior(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
+    """Return the flag of a lag that stands on what was stated beforehand."""
+    prior = dataset.sensor_lag_prior_s
+    _, u = fit.value_of("lag")
+    if not prior or u < 0.7 * prior:
+        return []
+    sentence = (
+        f"The lag of the sensor of {axis} rests on the stated {prior:g} s: the curve is nearly a "
+        "line, on which lag and sensitivity to the rate of temperature are one."
+    )
+    return [Flag("lag-by-prior", sentence, axis, {"prior_s": prior, "u_s": u})]
+
+
+def _earth(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
+    """Return the flag of an output that does not hold the earth's rate, or has it reversed."""
+    earth = dataset.directions[axis].earth_deg_per_h(dataset.latitude_rad)
+    if abs(earth) < LEAST_EARTH_DEG_PER_H:
+        return []
+    share = -float(fit.curve()[0]) / earth
+    if min(abs(share - 1.0), abs(share - 2.0)) > NEAR:
+        return []
+    sentence = (
+        f"The mean output is {earth - share * earth:.4g} deg/h where {axis} should feel "
+        f"{earth:.4g} deg/h of the earth: look whether it points as stated, and at the unit of its "
+        "output."
+    )
+    return [contradiction("input_axis", sentence, axis, ratio=1.0 - share)]
+
+
+def _range(dataset: TemperatureDataset) -> tuple[float, float]:
+    temperature = dataset.temperature_degC
+    return float(np.min(temperature)), float(np.max(temperature))
+
+
+def _lag_one(fit: BiasFit) -> float:
+    """Return the correlation of neighbouring residuals beyond what the fitted noise brings.
+
+    Slow noise is in the model: only what goes on from row to row counts, second differences aside.
+    """
+    steps = np.diff(fit.residual)
+    square = float(steps @ steps)
+    if square == 0.0:
+        return 0.0
+    return float(steps[1:] @ steps[:-1]) / square + 0.5
