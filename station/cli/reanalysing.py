@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from station.cli.analysing import made
 from station.clock import RealClock
 from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
@@ -33,12 +34,15 @@ def analyse_store(
     Returns the exit code: 2 where a run cannot be evaluated. Raises InputError where there is none.
     """
     from station.reanalysis.recall import read_recall
-    from station.reanalysis.scheduling import evaluated
+    from station.reanalysis.scheduling import evaluated, refuse_without_packages
     from station.reanalysis.table import write_table
 
+    refuse_without_packages()
     recall = read_recall(calibration) if calibration else None
     folders = run_folders(store)
-    file = (output or store) / TABLE
+    file = made(output or store) / TABLE
+    write_table([], file.with_name(f".{TABLE}.tried"))  # before hours of work, not after them
+    file.with_name(f".{TABLE}.tried").unlink()
     rows: list[Row] = []
     for several in _told(evaluated(folders, recall, scheduler), len(folders)):
         rows.extend(several)

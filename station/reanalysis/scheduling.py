@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from station.errors import InputError
@@ -26,6 +27,7 @@ def evaluated(
     What a worker had in hand when it died another does again; a run that kills each of its workers
     has a row that says so. Raises InputError where no cluster answers.
     """
+    refuse_without_packages()
     from distributed import as_completed
 
     with _client(scheduler) as client:
@@ -39,15 +41,20 @@ def evaluated(
                 yield [{"folder": folders[number], "error": f"no worker lived through it: {error}"}]
 
 
+def refuse_without_packages() -> None:
+    """Raise InputError where a package of the extra `cluster` is not installed."""
+    for package in ("distributed", "pyarrow"):
+        if find_spec(package) is None:
+            raise InputError(
+                f"there is no {package}, on which many runs are evaluated; install it with "
+                "`pip install inertial-station[cluster]`"
+            )
+
+
 @contextmanager
 def _client(scheduler: str | None) -> Iterator[Client]:
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise InputError(
-            f"there is no {error.name}, on which many runs are evaluated; install it with "
-            "`pip install inertial-station[cluster]`"
-        ) from error
+    from distributed import Client, LocalCluster
+
     if scheduler is None:
         with (
             LocalCluster(threads_per_worker=1, dashboard_address=None) as cluster,

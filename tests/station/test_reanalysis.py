@@ -18,11 +18,13 @@ from quick_yaml import dump_yaml, load_yaml
 
 from station import registry
 from station.cli.app import app
+from station.cli.reanalysing import analyse_store, refuse_without_all, run_folders
 from station.errors import InputError
 from station.files.faults import FaultList
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
 from station.procedure import Procedures
+from station.reanalysis import scheduling
 from station.reanalysis.one_run import rows_of_run
 from station.reanalysis.recall import read_recall
 from station.runner.evaluation import conclude_run
@@ -100,11 +102,21 @@ def test_a_recalled_certificate_moves_what_used_it_and_nothing_else(
     assert rows_of_run(str(run), read_recall(recalled(tmp_path, since="2020-01-01"))) == rows
 
 
+def test_what_will_fail_at_the_end_fails_at_the_beginning(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="--output"):
+        analyse_store(store, taken, "tcp://nobody:1", None, as_json=False)
+    monkeypatch.setattr(scheduling, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"inertial-station\[cluster\]"):
+        analyse_store(store, tmp_path, "tcp://nobody:1", None, as_json=False)
+
+
 def test_a_wrong_recall_or_store_says_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(FaultList, match="replaces: must be text"):
         read_recall(recalled(tmp_path, **{"replaces": None}))
-    from station.cli.reanalysing import refuse_without_all, run_folders
-
     with pytest.raises(InputError, match="no run folder"):
         run_folders(tmp_path)
     with pytest.raises(InputError, match="--all"):
