@@ -13,6 +13,10 @@ from plants import Plant, is_named, named
 from plants_coils import PLANTS
 
 from procedures.commissioning.coils import limits
+from procedures.commissioning.figures import draw_parts
+from station.record.folder import RunFolder
+from station.report.parts import Table
+from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
 
 
@@ -49,6 +53,14 @@ def test_without_an_ambient_field_both_causes_of_a_sign_are_named(tmp_path: Path
     bench["simulation"]["coils"]["x"]["reversed"] = True
     outcome = commissioned(tmp_path / "run", bench, ambient=None)
     assert named(outcome) == {("field-reversed", "x")}
+    document, findings = evaluate_run(RunFolder(outcome.folder))
+    failed, checklist = draw_parts(findings, document)
+    assert isinstance(failed, Table) and isinstance(checklist, Table)
+    what = [tuple(row[:2]) for row in failed.rows]
+    assert what == [("field-reversed", "x"), ("coil constant ratio", "x")]
+    lines = {row[0]: tuple(row[2:]) for row in checklist.rows}
+    assert lines["coils"][1:] == ("FAILED", "")
+    assert lines["probe"] == ("0 of 0", "left out", "")
 
 
 def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:

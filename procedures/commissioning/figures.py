@@ -1,0 +1,78 @@
+"""What a commissioning adds to the report: what failed, and a checklist to sign."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from station.findings import Findings
+from station.report.numbers import format_limit, format_result
+from station.report.parts import Part as ReportPart
+from station.report.parts import Table
+from station.results import Result, ResultDocument
+
+from . import PARTS
+from .causes import CAUSES, NOT_MEASURED, UNDECIDED
+from .parts import Part
+
+PASSED, FAILED, OPEN, LEFT_OUT = "passed", "FAILED", "not decided", "left out"
+
+
+def draw_parts(findings: Findings, document: ResultDocument) -> tuple[ReportPart, ...]:
+    """Return the list of what failed, and the checklist with a place for a signature."""
+    failed = list(_failed(findings, document))
+    nothing = [("–", "–", "nothing failed", "–")]
+    return (
+        Table(
+            "What failed",
+            "Named causes first, then figures outside their limits, then what is not decided. Mend "
+            "each, and commission the bench again before a method relies on it.",
+            ("check", "axis", "what", "limit"),
+            failed or nothing,
+        ),
+        Table(
+            "Checklist",
+            "To be signed by who commissioned the bench. `station sign` signs the whole run folder "
+            "with the laboratory's key; `station verify` shows by whom and when.",
+            ("check", "what was done", "figures", "outcome", "name, date, signature"),
+            [_line(part, document) for part in PARTS],
+        ),
+    )
+
+
+def _failed(findings: Findings, document: ResultDocument) -> Iterator[tuple[str, ...]]:
+    named: Sequence[str] = next(
+        (result.estimate.extra.get("codes", ()) for result in _of(document, (CAUSES,))), ()
+    )
+    for flag in findings.flags:
+        if flag.code in named:
+            yield flag.code, flag.axis or "", flag.message, ""
+    outside = [result for result in document.results if result.decision.verdict == "fail"]
+    for result in outside:
+        if result.estimate.name != CAUSES:
+            value, unit = format_result(result)[0], result.estimate.unit
+            name = result.estimate.name.replace("_", " ")
+            axis = result.estimate.axis or ""
+            yield name, axis, f"{value} {unit}", format_limit(result.limit)
+    for flag in findings.flags:
+        if flag.code.endswith(UNDECIDED) or flag.code == NOT_MEASURED:
+            yield flag.code, flag.axis or "", flag.message, ""
+
+
+def _line(part: Part, document: ResultDocument) -> tuple[str, ...]:
+    results = list(_of(document, tuple(part.results)))
+    decided = [result.decision.verdict for result in results if result.limit is not None]
+    known = [result for result in results if result.estimate.value is not None]
+    if not results:
+        outcome = LEFT_OUT
+    elif "fail" in decided:
+        outcome = FAILED
+    elif "inconclusive" in decided or len(known) < len(results):
+        outcome = OPEN
+    else:
+        outcome = PASSED
+    done = "; ".join(step.title for step in part.steps)
+    return part.name.replace("_", " "), done, f"{len(known)} of {len(results)}", outcome, ""
+
+
+def _of(document: ResultDocument, names: tuple[str, ...]) -> Iterator[Result]:
+    return (result for result in document.results if result.estimate.name in names)
