@@ -44,7 +44,7 @@ def analyse_store(
     write_table([], file.with_name(f".{TABLE}.tried"))  # before hours of work, not after them
     file.with_name(f".{TABLE}.tried").unlink()
     rows: list[Row] = []
-    for several in _told(evaluated(folders, recall, scheduler), len(folders)):
+    for several in _reported(evaluated(folders, recall, scheduler), len(folders)):
         rows.extend(several)
     rows.sort(key=lambda row: row["folder"])
     write_table(rows, file)
@@ -122,13 +122,13 @@ def _has_changed(row: Row) -> bool:
     return row["change_in_u"] is not None and abs(row["change_in_u"]) > NOTICED_U
 
 
-def _told(done: Iterator[list[Row]], runs: int) -> Iterator[list[Row]]:
+def _reported(done: Iterator[list[Row]], runs: int) -> Iterator[list[Row]]:
     """Pass on what comes, and report every few seconds how far it is."""
     clock = RealClock()
-    began_s = said_s = clock.now()
+    began_s = reported_s = clock.now()
     for number, rows in enumerate(done, start=1):
         yield rows
-        if clock.now() - said_s >= SAYS_EVERY_S and number < runs:
-            said_s = clock.now()
-            left_s = (said_s - began_s) / number * (runs - number)
+        if clock.now() - reported_s >= SAYS_EVERY_S and number < runs:
+            reported_s = clock.now()
+            left_s = (reported_s - began_s) / number * (runs - number)
             tell(f"{number} of {runs} runs evaluated, about {span(left_s)} left")

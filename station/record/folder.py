@@ -286,7 +286,7 @@ class RunFolder:
         return kept
 
     def recorded_blocks(self, source: str, unit: str, every: int = 1) -> list[NDArray[Any]]:
-        """Return what all processes of the run recorded of a unit, every so-manieth block."""
+        """Return what all processes of the run recorded of a unit, one in `every` blocks."""
         indices = (self._index(source, segment) for segment in range(next_segment(self.path / RAW)))
         return [block for index in indices if index for block in index.blocks(unit, every)]
 

@@ -146,7 +146,7 @@ class RawIndex:
         return unit in self.scan.places
 
     def blocks(self, unit: str, every: int = 1) -> Iterator[NDArray[Any]]:
-        """Yield the blocks of a unit of work, or every so-manieth, as they were written.
+        """Yield the blocks of a unit of work, or one in `every` of them, as they were written.
 
         Raises DamagedRecord where a block is not any more what it was when the file was indexed.
         """
