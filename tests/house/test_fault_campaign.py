@@ -37,7 +37,7 @@ IN_PLANS: dict[tuple[str, str], list[str]] = {}
 for _plan in PLANS:
     for _pair in roles_and_kinds(_plan):
         IN_PLANS.setdefault(_pair, []).append(_plan)
-ONE_IN = 29
+ONE_IN = 37
 """Of the faults of a wire, that every role can have, a role gets one in so many here."""
 
 
@@ -62,7 +62,7 @@ STRIDE = 7
 Referred = Callable[[str], Reference]
 
 ALTERNATE, ONE_PLAN = "sim-alternate", "rlg-magnetic-sensitivity"
-ONE_IN_ALTERNATE = 24
+ONE_IN_ALTERNATE = 31
 ON_ALTERNATE = [
     (role, kind)
     for number, (role, kind) in enumerate(roles_and_kinds(ONE_PLAN, ALTERNATE))
