@@ -6,6 +6,7 @@ import atexit
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,21 +20,49 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # Started in the background of a shell: the runs of the tests are to hear Ctrl-C all the same.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.update(ONE_BLAS_THREAD)  # as a run has it; NumPy reads it when it is first imported
-if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
-    # The code's folders stay as they are; yet of hundreds of processes only the first compiles.
-    COMPILED = tempfile.mkdtemp(prefix="station-tests-compiled-")
-    os.environ["PYTHONPYCACHEPREFIX"] = COMPILED
-    atexit.register(shutil.rmtree, COMPILED, ignore_errors=True)
-IN_MEMORY = Path("/dev/shm")
-ROOM_BYTES = 6 * 2**30
-if (
-    "PYTEST_DEBUG_TEMPROOT" not in os.environ
-    and IN_MEMORY.is_dir()
-    and shutil.disk_usage(IN_MEMORY).free > ROOM_BYTES
-    and not os.statvfs(IN_MEMORY).f_flag & os.ST_NOEXEC
-):
-    # A run waits for the disk some 70 times. What a disk can do, small disks of their own show.
-    os.environ["PYTEST_DEBUG_TEMPROOT"] = str(IN_MEMORY)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> int | None:
+    """Run the whole session as one thing that ends as one; see `own_namespaces`."""
+    from leftovers import SESSION, begin_session
+    from own_namespaces import is_inside, run_inside
+
+    called = config.invocation_params
+    if is_inside() or SESSION in os.environ or called.plugins or sys.gettrace():
+        return None  # by now, or a debugger or coverage is at work in this very process
+    capture: Any = config.pluginmanager.getplugin("capturemanager")
+    capture.stop_global_capturing()  # whoever runs inside captures, and has the real input
+    code = run_inside(
+        [sys.executable, "-P", "-m", "pytest", *map(str, called.args)],
+        kept_visible(config),
+        patient=bool(config.option.usepdb),
+    )
+    if code is None:
+        begin_session()
+        capture.start_global_capturing()
+        capture.suspend_global_capture()
+    return code
+
+
+def pytest_configure() -> None:
+    if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):
+        # The code's folders stay as they are; yet of hundreds of processes only the first compiles.
+        compiled = tempfile.mkdtemp(prefix="station-tests-compiled-")
+        os.environ["PYTHONPYCACHEPREFIX"] = compiled
+        atexit.register(shutil.rmtree, compiled, ignore_errors=True)
+
+
+def kept_visible(config: pytest.Config) -> list[Path]:
+    """Return the folders of code, interpreter and files that the command line names."""
+    called = config.invocation_params
+    named = [
+        called.dir / str(argument).partition("::")[0].split("=")[-1] for argument in called.args
+    ]
+    kept = [config.rootpath, called.dir, Path(sys.prefix), Path(sys.base_prefix)]
+    kept += [Path(path) for path in sys.path if Path(path).is_dir()]
+    kept += [path if path.is_dir() else path.parent for path in named if path.parent.is_dir()]
+    return sorted({Path(os.path.realpath(path)) for path in kept})
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -70,8 +70,11 @@ def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_js
     return EXIT_DONE if answered else EXIT_FAULT
 
 
-def serve(bench_name: str, procedure: str, speed: float) -> None:
-    """Serve a simulated bench until interrupted; the first line says where everything is."""
+def serve(bench_name: str, procedure: str, speed: float, *, until_stdin_closes: bool) -> None:
+    """Serve a simulated bench until interrupted; the first line says where everything is.
+
+    `until_stdin_closes`: it ends, too, when standard input does, with whoever started it.
+    """
     if not 0 < speed < math.inf:
         raise InputError(f"--speed {speed:g}: give a number above 0, such as 1 or 50")
     bench = read_bench_named(bench_name)
@@ -85,7 +88,8 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
     ended = Event()
     if hasattr(signal, "SIGTTIN"):  # a read in the background of a terminal fails, and stops nobody
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-    Thread(target=answer_lines, args=(simulation, ended), name="faults", daemon=True).start()
+    answering = (simulation, ended, until_stdin_closes)
+    Thread(target=answer_lines, args=answering, name="faults", daemon=True).start()
     for number in wishes():
         signal.signal(number, lambda *_: ended.set())
     head = {
@@ -103,12 +107,14 @@ def serve(bench_name: str, procedure: str, speed: float) -> None:
         clock.stop()
 
 
-def answer_lines(simulation: Any, ended: Event) -> None:
+def answer_lines(simulation: Any, ended: Event, until_stdin_closes: bool) -> None:
     """Inject the fault that each line of standard input describes; `report` asks for the world."""
     for line in lines_of_input(ended):
         if line.strip():
             print(simulation.answer(line), file=sys.stderr, flush=True)
-    if not ended.is_set() and sys.stdin is not None and sys.stdin.isatty():
+    if until_stdin_closes:
+        ended.set()
+    elif not ended.is_set() and sys.stdin is not None and sys.stdin.isatty():
         print("the input has ended: no further fault is taken; Ctrl-C ends this", file=sys.stderr)
 
 

@@ -26,11 +26,18 @@ def sim(
     bench: Annotated[str, typer.Argument(help="Simulated bench: path or name.")] = DEFAULT_BENCH,
     procedure: Procedure = MOUNTED,
     speed: Annotated[float, typer.Option(help="How many times as fast as real time.")] = 1.0,
+    until_stdin_closes: Annotated[
+        bool,
+        typer.Option(
+            "--until-stdin-closes",
+            help="End when standard input closes, with whoever started this.",
+        ),
+    ] = False,
 ) -> None:
     """Serve simulated instruments until interrupted."""
     from station.cli.instruments import serve
 
-    serve(bench, procedure, speed)
+    serve(bench, procedure, speed, until_stdin_closes=until_stdin_closes)
 
 
 def panel(

@@ -30,6 +30,11 @@ def station_command(*arguments: str | Path) -> list[str]:
     return [sys.executable, "-m", "station", *map(str, arguments)]
 
 
+def sim_command(bench: str | Path, *options: str | float) -> list[str]:
+    """Return the command line that serves a bench, and ends with the process that started it."""
+    return station_command("sim", bench, *map(str, options), "--until-stdin-closes")
+
+
 def station(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Do a verb in a folder."""
     return subprocess.run(
@@ -48,10 +53,11 @@ def station(folder: Path, *arguments: str, **environment: str) -> subprocess.Com
 def begun(
     folder: Path | None, *arguments: str | Path, stdout: int | IO[str] = subprocess.PIPE
 ) -> subprocess.Popen[str]:
-    """Begin a verb in a folder; its messages come by a pipe."""
+    """Begin a verb in a folder; its input and its messages are pipes."""
     return subprocess.Popen(
         station_command(*arguments),
         cwd=folder,
+        stdin=subprocess.PIPE,
         stdout=stdout,
         stderr=subprocess.PIPE,
         text=True,

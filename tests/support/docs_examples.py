@@ -160,7 +160,7 @@ class Workshop:
             subprocess.Popen(
                 ["bash", "-c", f"exec {inner}"],
                 cwd=self.folder,
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,  # as a terminal's, it closes with this test
                 stderr=subprocess.DEVNULL,
                 env=self.environment(),
             )

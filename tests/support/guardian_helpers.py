@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from campaign_helpers import only_run, whole_events
-from command_line import station_command
+from command_line import sim_command
 from places import ROOT
 
 SCRIPT = Path(__file__).parent / "guarded_run.py"
@@ -83,7 +83,7 @@ def world(
     head = folder / "served.json"
     with head.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
-            station_command("sim", bench, "--speed", str(speed), "--procedure", procedure),
+            sim_command(bench, "--speed", speed, "--procedure", procedure),
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.PIPE,

@@ -17,7 +17,7 @@ from campaign_helpers import (
     raw_content,
     whole_events,
 )
-from command_line import station_command
+from command_line import sim_command
 
 STARTING, EVALUATING = 0.1, 0.15
 """Share of the kills before the run has a folder to show, and after its last step."""
@@ -124,7 +124,8 @@ def served_bench(
     head = folder / "served.json"
     with head.open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
-            station_command("sim", bench, "--speed", speed, "--procedure", procedure),
+            sim_command(bench, "--speed", speed, "--procedure", procedure),
+            stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.DEVNULL,
         )

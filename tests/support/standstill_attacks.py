@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from command_line import station_command
 from guardian_helpers import World
-from loop_disk import LoopDisk
 from standstill_runs import CTRL_C, CTRL_S, LOOKS_EVERY_S, MOVED, Attacked, memory_of
+from user_space_disk import UserSpaceDisk
 
 STRETCH_S = 1.0
 """From a terminal that stands still to a person's wish to end the run, at most."""
@@ -31,7 +31,7 @@ class Scene:
 
     run: Attacked
     bench: World
-    disk: LoopDisk | None
+    disk: UserSpaceDisk | None
     rng: np.random.Generator
     energised: list[str]
     outage_s: float

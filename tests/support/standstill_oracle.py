@@ -20,10 +20,10 @@ from campaign_helpers import opens
 from command_line import station_command
 from fault_cases import BENCH, Reference, read_bench_at, reference_run, short
 from guardian_helpers import World, world
-from loop_disk import LoopDisk, loop_disk
 from standstill_attacks import Scene, strike
 from standstill_cases import FAULT, GOOD, SPEEDS, TRIPPED, Case
 from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
+from user_space_disk import UserSpaceDisk, user_space_disk
 
 from station.files.lookup import BENCHES, find
 from station.record.layout import MANIFEST
@@ -83,13 +83,13 @@ def attack(
     folder.mkdir(parents=True)
     speed = speed or SPEEDS.get(case.plan, 10.0)
     if case.attack.disk:
-        with loop_disk(folder) as disk:
+        with user_space_disk(folder) as disk:
             return on_bench(case, folder, disk, speed, resume)
     return on_bench(case, folder, None, speed, resume)
 
 
 def on_bench(
-    case: Case, folder: Path, disk: LoopDisk | None, speed: float, resume: bool
+    case: Case, folder: Path, disk: UserSpaceDisk | None, speed: float, resume: bool
 ) -> Observed:
     """Serve the bench, attack a run on it, and hold what is left against the promises."""
     seen = Observed(case, speed)

@@ -72,12 +72,6 @@ def events_of(output: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for one in lines for line in one]
 
 
-def is_stuck(process: subprocess.Popen[str]) -> bool:
-    """Whether the thread of the steps is in the kernel and nothing wakes it."""
-    status = Path(f"/proc/{process.pid}/task/{process.pid}/stat").read_text(encoding="utf-8")
-    return status.rpartition(")")[2].split()[0] == "D"
-
-
 @contextmanager
 def stopped_terminal() -> Iterator[int]:
     """Yield a terminal whose output was stopped and whose buffer is full: nobody reads it."""

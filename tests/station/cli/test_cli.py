@@ -231,12 +231,25 @@ def test_sim_serves_instruments_to_any_client_until_interrupted(tmp_path: Path) 
     assert process.returncode == 0
 
 
+def test_sim_ends_with_whoever_started_it(tmp_path: Path) -> None:
+    process = begun(tmp_path, "sim", "sim", "--until-stdin-closes")
+    assert process.stdout is not None and process.stdin is not None
+    process.stdout.readline()
+    process.stdin.write("report\n")
+    process.stdin.flush()
+    assert process.poll() is None
+    process.stdin.close()
+    assert process.wait(20) == 0
+
+
 def test_a_run_on_a_bench_served_by_another_process_finds_the_same_sensitivity(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     with (tmp_path / "served.json").open("w", encoding="utf-8") as first_line:
-        process = begun(tmp_path, "sim", "sim", "--speed", "40", stdout=first_line)
+        process = begun(
+            tmp_path, "sim", "sim", "--speed", "40", "--until-stdin-closes", stdout=first_line
+        )
     assert process.stderr is not None
     assert "serving" in process.stderr.readline()
     try:

@@ -21,7 +21,7 @@ from typing import Any, TextIO
 import pytest
 from campaign_helpers import shipped, undirected_run, whole_events
 from guardian_helpers import until
-from loop_disk import disk_or_skip
+from user_space_disk import disk_or_skip
 
 from sim_instruments.bench import SimulatedBench
 from station import registry

@@ -19,8 +19,8 @@ import pytest
 from campaign_helpers import short_plan, station
 from command_line import begun
 from guardian_helpers import ROOT, World, is_alive, start_run, until, world
-from loop_disk import LoopDisk, disk_or_skip
 from standstill_runs import memory_of
+from user_space_disk import UserSpaceDisk, disk_or_skip
 
 from station.clock import RealClock
 from station.control.status import read_status
@@ -196,13 +196,13 @@ def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(
 
 
 @pytest.fixture
-def disk(tmp_path: Path) -> Iterator[LoopDisk]:
+def disk(tmp_path: Path) -> Iterator[UserSpaceDisk]:
     with disk_or_skip(tmp_path) as made:
         yield made
 
 
 def test_a_run_that_cannot_die_keeps_nobody_from_its_instruments(
-    bench: World, disk: LoopDisk
+    bench: World, disk: UserSpaceDisk
 ) -> None:
     run = start_run(bench, disk.place / "runs", "coil_supply.z")
     first, _ = run.guardians

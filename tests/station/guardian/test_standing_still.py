@@ -19,7 +19,6 @@ from pathlib import Path
 import pytest
 from campaign_helpers import only_run, station
 from guardian_helpers import World, until, world
-from loop_disk import LoopDisk, disk_or_skip
 from still_helpers import (
     SLEW_AND_ZERO_S,
     SPEED,
@@ -27,16 +26,16 @@ from still_helpers import (
     begun_run,
     events_of,
     is_driven,
-    is_stuck,
     stopped_terminal,
     stopped_thread,
 )
+from user_space_disk import UserSpaceDisk, disk_or_skip
 
 from station.guardian.watching import SILENT_FOR_S
 from station.runner.watchers import LONGEST_SILENCE_S, OBEYS_WITHIN_S
 
 if sys.platform != "linux":
-    pytest.skip("fsfreeze, prlimit and /proc; not verified elsewhere", allow_module_level=True)
+    pytest.skip("FUSE, prlimit and /proc; not verified elsewhere", allow_module_level=True)
 
 ENDED = ["failed", "safe-state", "run-ended"]
 SAFE = "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
@@ -53,17 +52,17 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
 
 
 @pytest.fixture
-def disk(tmp_path: Path) -> Iterator[LoopDisk]:
+def disk(tmp_path: Path) -> Iterator[UserSpaceDisk]:
     with disk_or_skip(tmp_path) as made:
         yield made
 
 
 def test_a_disk_that_stands_still_leaves_a_safe_bench(
-    bench: World, tmp_path: Path, disk: LoopDisk
+    bench: World, tmp_path: Path, disk: UserSpaceDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         disk.freeze()
-        until(lambda: is_stuck(process))
+        until(lambda: disk.holds(process.pid))
         taken_s = at_rest_after_s(bench, LONGEST_SILENCE_S + SLEW_AND_ZERO_S + BUSY_S)
         print(f"frozen disk to a bench at rest: {taken_s:.1f} s")
         time.sleep(2.0)
@@ -77,11 +76,11 @@ def test_a_disk_that_stands_still_leaves_a_safe_bench(
 
 
 def test_a_wish_to_end_is_obeyed_on_a_disk_that_stands_still(
-    bench: World, tmp_path: Path, disk: LoopDisk
+    bench: World, tmp_path: Path, disk: UserSpaceDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         disk.freeze()
-        until(lambda: is_stuck(process))
+        until(lambda: disk.holds(process.pid))
         process.send_signal(signal.SIGINT)
         taken_s = at_rest_after_s(bench, OBEYS_WITHIN_S + SLEW_AND_ZERO_S + BUSY_S)
         print(f"Ctrl-C on a frozen disk to a bench at rest: {taken_s:.1f} s")
@@ -91,13 +90,13 @@ def test_a_wish_to_end_is_obeyed_on_a_disk_that_stands_still(
 
 
 def test_an_abort_on_a_disk_that_stands_still_says_what_was_read_back(
-    bench: World, tmp_path: Path, disk: LoopDisk
+    bench: World, tmp_path: Path, disk: UserSpaceDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         folder = only_run(disk.place / "runs")
         assert folder is not None
         disk.freeze()
-        until(lambda: is_stuck(process))
+        until(lambda: disk.holds(process.pid))
         began_s = time.monotonic()
         aborted = station("abort", folder, "--timeout", "60")
         print(f"abort on a frozen disk: {time.monotonic() - began_s:.1f} s")
@@ -198,7 +197,7 @@ def test_a_folder_that_is_gone_ends_the_run_at_once(bench: World, tmp_path: Path
 
 
 def test_a_disk_that_is_unmounted_ends_the_run_at_once(
-    bench: World, tmp_path: Path, disk: LoopDisk
+    bench: World, tmp_path: Path, disk: UserSpaceDisk
 ) -> None:
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         disk.detach()

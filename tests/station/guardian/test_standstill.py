@@ -21,10 +21,10 @@ if sys.platform != "linux":
     pytest.skip("signals, terminals and disks of Linux", allow_module_level=True)
 
 from fault_cases import plans, steps
-from loop_disk import why_not
 from standstill_attacks import ATTACKERS, Scene, strike
 from standstill_cases import ATTACKS, SPEEDS, Case
 from standstill_oracle import Observed, attack, reference_of, steps_were_done
+from user_space_disk import why_not
 
 GYRO, CELL, ACCELEROMETER = (
     "rlg-magnetic-sensitivity",

@@ -55,7 +55,7 @@ MADE_SAFE = (
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("served")
     with (folder / "served.json").open("w", encoding="utf-8") as first_line:
-        process = begun(folder, "sim", "sim", stdout=first_line)
+        process = begun(folder, "sim", "sim", "--until-stdin-closes", stdout=first_line)
     assert process.stderr is not None
     assert "serving" in process.stderr.readline()
     yield folder
