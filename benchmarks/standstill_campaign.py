@@ -5,11 +5,11 @@ python benchmarks/standstill_campaign.py --once
 
 `station sim` serves the bench in one process, `station run --served` is another, and its guardian
 stands beside it. One of them, or what it stands on, is struck at a drawn moment of a step: the disk
-of the run folder is frozen (`fsfreeze`, so that a writer cannot even be killed), taken away or
+of the run folder stands still (so that a writer cannot even be killed), is taken away or
 moved; the terminal stands still, and somebody then wishes the run to end; the run, its guardian or
 both are stopped or killed; there is no memory left (`prlimit`); an instrument cannot be reached for
 20 s or 120 s just when the bench is to be made safe. The simulated world, the exit code, the words,
-the folder and the system's list of processes say what followed. A disk of its own needs root.
+the folder and the system's list of processes say what followed. A disk of its own needs `/dev/fuse`.
 
 Real seconds from the attack: `to_rest_s` until the world was at rest and stayed so, `to_end_s`
 until no process of the run lived any more, `to_guardian_s` until there was another guardian. What

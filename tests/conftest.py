@@ -78,8 +78,19 @@ def state_folder_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Itera
 def one_axis_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of one axis, for tests that look at it or change a copy of it."""
     from campaign_helpers import finished_run
+    from shared_runs import made_once
 
-    return finished_run(tmp_path_factory.mktemp("one-axis"), ["IA"])
+    return made_once(tmp_path_factory, "one-axis", lambda folder: finished_run(folder, ["IA"]))
+
+
+@pytest.fixture(scope="session")
+def two_axes_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of two axes, of which one has a limit; not to be changed."""
+    from campaign_helpers import finished_run
+    from shared_runs import made_once
+
+    axes = ["IA", "LA"]
+    return made_once(tmp_path_factory, "two-axes", lambda folder: finished_run(folder, axes))
 
 
 @pytest.fixture
@@ -111,19 +122,18 @@ def board(bench: Any, clock: Any) -> Iterator[Any]:
 @pytest.fixture(scope="session")
 def run_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The finished run of a procedure's plan in its short form, made once; not to be changed."""
+    from shared_runs import made_once
     from short_forms import SHORT_FORMS
 
     from station.cli.validating import read_bench_named, read_plan_for
     from station.runner.execute import Request, execute
 
-    made: dict[str, Path] = {}
-
     def run(name: str) -> Path:
-        if name not in made:
+        def make(folder: Path) -> Path:
             bench = read_bench_named("sim")
             plan = read_plan_for(name, bench, SHORT_FORMS[name])
-            place = tmp_path_factory.mktemp(name)
-            made[name] = execute(Request(plan, bench, place, quiet=True, report=False)).folder
-        return made[name]
+            return execute(Request(plan, bench, folder, quiet=True, report=False)).folder
+
+        return made_once(tmp_path_factory, name, make)
 
     return run

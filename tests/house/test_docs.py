@@ -14,6 +14,7 @@ DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(page for page in DOCS.rglob("*.md") if examples(page))]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_examples_of_a_page_work_as_it_says(page: Path, tmp_path: Path) -> None:
     Workshop(tmp_path).carry_out(page)
@@ -41,6 +42,7 @@ def test_a_procedure_is_three_files_of_at_most_150_lines() -> None:
     assert sum(files.values()) <= 150, files
 
 
+@pytest.mark.campaign
 def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     pytest.importorskip("myst_parser")

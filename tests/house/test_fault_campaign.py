@@ -55,6 +55,8 @@ def chosen() -> list[tuple[str, str]]:
 KINDS = [
     (IN_PLANS[pair][number % len(IN_PLANS[pair])], *pair) for number, pair in enumerate(chosen())
 ]
+ONE_IN_QUICK = 9
+"""Of the cases, so many are with the quick tests."""
 STEPS = [(plan, step) for plan in PLANS if plan in TRUTHS for step in steps(plan)][::3]
 """Every third step; the other faults of this module strike in many of the others."""
 STRIDE = 7
@@ -87,7 +89,15 @@ def judged(case: Case, entry: dict[str, Any], reference: Reference, folder: Path
     return judge(case, entry, run_case(case, entry, folder / "case"), reference)
 
 
-@pytest.mark.parametrize(("plan", "role", "kind"), KINDS, ids=[" ".join(one) for one in KINDS])
+@pytest.mark.parametrize(
+    ("plan", "role", "kind"),
+    [
+        pytest.param(
+            *case, id=" ".join(case), marks=[pytest.mark.campaign] * bool(number % ONE_IN_QUICK)
+        )
+        for number, case in enumerate(KINDS)
+    ],
+)
 def test_every_kind_of_fault_ends_in_order(
     plan: str, role: str, kind: str, reference: Referred, tmp_path: Path
 ) -> None:
@@ -109,6 +119,7 @@ def alternate(tmp_path_factory: pytest.TempPathFactory) -> Reference:
     return reference_run(ONE_PLAN, tmp_path_factory.mktemp("alternate"), ALTERNATE)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("role", "kind"), ON_ALTERNATE, ids=[" ".join(one) for one in ON_ALTERNATE]
 )
@@ -135,6 +146,7 @@ def test_every_kind_of_fault_that_there_is_is_in_the_campaign() -> None:
     assert {*WIRE_FAULTS, *LASTING_FAULTS} == tried
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("plan", "step"), STEPS, ids=[" ".join(one) for one in STEPS])
 def test_a_fault_in_any_step_ends_in_order(
     plan: str, step: str, reference: Referred, tmp_path: Path
@@ -157,6 +169,7 @@ def test_a_fault_in_any_step_ends_in_order(
     assert not verdict.violations, (str(case), entry, verdict)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("plan", PLANS)
 def test_a_run_without_a_fault_breaks_no_promise(
     plan: str, reference: Referred, tmp_path: Path

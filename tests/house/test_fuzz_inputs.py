@@ -12,6 +12,7 @@ from benchmarks.fuzz_inputs import attempt, datasets_in
 PIECES, EACH = 3, 28
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no interval timer")
 @pytest.mark.parametrize("piece", range(PIECES))
 def test_an_odd_input_ends_in_a_sentence(piece: int) -> None:

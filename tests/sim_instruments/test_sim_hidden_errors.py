@@ -81,6 +81,7 @@ def put(data: Any, errors: Errors) -> Any:
     return data
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("procedure", SIZES)
 def test_results_hold_with_the_errors_that_no_reading_shows(procedure: str, tmp_path: Path) -> None:
     plan = shipped_plan(procedure)

@@ -135,6 +135,7 @@ def test_the_published_estimate_stands_beside_the_best(
     assert published["Kpp"]["value"] is None
 
 
+@pytest.mark.campaign
 def test_a_served_bench_is_mounted_anew_for_each_plane(tmp_path: Path) -> None:
     with served_bench(tmp_path, 200.0, procedure=PROCEDURE) as (head, _):
         plan = shipped_plan(PROCEDURE)

@@ -23,6 +23,7 @@ def short_plan() -> dict[str, Any]:
     return plan
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
 def test_a_healthy_chamber_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     outcome = run_of(tmp_path / bench, short_plan(), shipped_bench(bench))

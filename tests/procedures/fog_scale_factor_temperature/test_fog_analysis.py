@@ -62,6 +62,7 @@ def test_turns_of_the_negative_sense_alone_have_the_scale_factor_with_its_sign()
     assert np.abs(off_ppm(fit_of(analyse(dataset))[1])).max() < 0.01
 
 
+@pytest.mark.campaign
 def test_noise_is_answered_by_the_bound_and_by_intervals_that_hold_the_truth() -> None:
     inside, whole, ratios, orders = [], [], [], []
     for seed in range(60):

@@ -84,6 +84,7 @@ def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]
     assert again == (folder / "results.json").read_bytes()
 
 
+@pytest.mark.campaign
 def test_an_interrupted_ramp_goes_on_where_the_gyros_were(tmp_path: Path) -> None:
     silence = {"instrument": "navigator", "fault": "silent", "at": "4550 s", "for": "15 s"}
     ended, truth = short_run(tmp_path, 3, silence)

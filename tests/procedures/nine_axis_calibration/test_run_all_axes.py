@@ -73,6 +73,7 @@ def true_values(bench: dict[str, Any]) -> dict[tuple[str, str], float]:
     return true
 
 
+@pytest.mark.campaign
 def test_all_nine_axes_come_back_in_one_frame(tmp_path: Path) -> None:
     outcome = run_with(tmp_path, TRUTH)
     assert outcome.exit_code == 0, outcome.error

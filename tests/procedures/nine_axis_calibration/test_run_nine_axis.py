@@ -117,6 +117,7 @@ def test_biases_and_scale_factors_come_back(run: tuple[Outcome, dict[str, Any]])
     assert max(off.values()) < COMBINED, off
 
 
+@pytest.mark.campaign
 def test_they_come_back_from_the_plate_with_a_flip_and_other_noise(tmp_path: Path) -> None:
     outcome, gyros = short_run(tmp_path, 2, positioning="plate", flip=True)
     assert outcome.exit_code == 0, outcome.error
@@ -150,6 +151,7 @@ def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]
     assert again == (folder / "results.json").read_bytes()
 
 
+@pytest.mark.campaign
 def test_a_silent_sensor_ends_a_run_that_then_goes_on_with_saturated_rates_left_out(
     tmp_path: Path,
 ) -> None:

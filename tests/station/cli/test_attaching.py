@@ -88,6 +88,7 @@ def test_keys_from_before_a_prompt_was_read_answer_nothing(tmp_path: Path) -> No
         assert read_status(run).running
 
 
+@pytest.mark.campaign
 def test_ctrl_c_in_an_attached_terminal_ends_the_run_safely(tmp_path: Path) -> None:
     with detached_run(tmp_path) as run:
         terminal = OnTerminal(tmp_path, "attach", run)
@@ -182,6 +183,7 @@ def test_without_a_terminal_attach_names_the_prompt_and_waits(
         assert watching.returncode == 4
 
 
+@pytest.mark.campaign
 def test_a_run_at_a_terminal_outlives_it(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     terminal = OnTerminal(tmp_path, "run", "plan.yaml", "--rehearse")
@@ -222,6 +224,7 @@ def test_a_plan_with_a_fault_is_refused_at_a_terminal_as_elsewhere(tmp_path: Pat
     terminal.wait_for("plan.yaml:6:14: parameters.amplitude")
 
 
+@pytest.mark.campaign
 def test_a_run_goes_on_when_its_terminal_closes_and_nobody_is_asked(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     with served_bench(tmp_path, speed=30.0) as (at, _):

@@ -242,6 +242,7 @@ def test_sim_ends_with_whoever_started_it(tmp_path: Path) -> None:
     assert process.wait(20) == 0
 
 
+@pytest.mark.campaign
 def test_a_run_on_a_bench_served_by_another_process_finds_the_same_sensitivity(
     tmp_path: Path,
 ) -> None:

@@ -28,6 +28,7 @@ def lines_until_unit(log: str, number: int) -> str:
     return "".join(lines[: ends[number - 1] + 1])
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(("columns", "rows"), [(80, 24), (200, 50)])
 def test_a_run_is_drawn_in_place_until_it_ends(copy: Path, columns: int, rows: int) -> None:
     whole = (copy / EVENTS).read_text(encoding="utf-8")

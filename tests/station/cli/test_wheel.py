@@ -10,6 +10,7 @@ import venv
 import zipfile
 from pathlib import Path
 
+import pytest
 from places import ROOT
 
 PLAN = """\
@@ -40,6 +41,7 @@ def run(*command: str | Path, cwd: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.campaign
 def test_the_wheel_runs_the_main_job_from_another_folder(tmp_path: Path) -> None:
     run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, ROOT, cwd=tmp_path)
     (wheel,) = tmp_path.glob("inertial_station-*.whl")

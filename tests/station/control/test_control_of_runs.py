@@ -44,6 +44,7 @@ def state(run: Path) -> str:
     return str(json.loads(station("status", run, "--json").stdout)["state"])
 
 
+@pytest.mark.campaign
 def test_a_served_run_is_paused_goes_on_and_is_aborted_in_the_middle_of_a_unit(
     tmp_path: Path,
 ) -> None:
@@ -77,6 +78,7 @@ def test_a_served_run_is_paused_goes_on_and_is_aborted_in_the_middle_of_a_unit(
     assert "the run is not running" in json.loads(again.stdout)["error"]
 
 
+@pytest.mark.campaign
 def test_a_pause_changes_no_result(tmp_path: Path) -> None:
     warm_up = {"slope_limit": "10 deg/h^2", "window": "10 min", "at_most": "20 min"}
     plan = short_plan(tmp_path, axes=["IA"], warm_up=warm_up, **SHORT)

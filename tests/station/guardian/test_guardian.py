@@ -109,6 +109,7 @@ def test_the_guardian_writes_a_chained_log_that_a_manifest_covers(
     assert GUARDIAN_LOG in manifest["files"]
 
 
+@pytest.mark.campaign
 def test_what_ends_a_terminal_does_not_end_the_guardian(bench: World, tmp_path: Path) -> None:
     run = start_run(bench, tmp_path, *COILS)
     for guardian in run.guardians:
@@ -122,6 +123,7 @@ def test_what_ends_a_terminal_does_not_end_the_guardian(bench: World, tmp_path: 
     assert names == list(COILS), "what cannot harm is left alone"
 
 
+@pytest.mark.campaign
 def test_a_supply_that_is_gone_for_a_while_keeps_no_other_from_being_made_safe(
     bench: World, tmp_path: Path
 ) -> None:

@@ -48,6 +48,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
         yield served
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_run_and_first_guardian_gone_together_leave_a_safe_bench(
     bench: World, tmp_path: Path, end: signal.Signals
@@ -63,6 +64,7 @@ def test_run_and_first_guardian_gone_together_leave_a_safe_bench(
     assert "the first guardian of the run does not act" in run.guardian_log()[0]["message"]
 
 
+@pytest.mark.campaign
 def test_run_and_both_guardians_that_stand_still_are_outlived_by_a_second_that_goes_on(
     bench: World, tmp_path: Path
 ) -> None:
@@ -74,6 +76,7 @@ def test_run_and_both_guardians_that_stand_still_are_outlived_by_a_second_that_g
     until(lambda: bench.at_rest("x"), DOUBLE_DEATH_S)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 @pytest.mark.parametrize("rank", [0, 1])
 def test_a_guardian_that_is_lost_is_replaced_and_the_new_one_acts(
@@ -98,6 +101,7 @@ def test_a_guardian_that_is_lost_is_replaced_and_the_new_one_acts(
     until(lambda: not is_alive(after[rank]))
 
 
+@pytest.mark.campaign
 def test_an_outage_is_waited_for_and_the_bench_belongs_to_the_guardian_meanwhile(
     bench: World, tmp_path: Path
 ) -> None:
@@ -126,6 +130,7 @@ def test_an_outage_is_waited_for_and_the_bench_belongs_to_the_guardian_meanwhile
     assert "goes on trying" not in station("status", run.folder).stdout
 
 
+@pytest.mark.campaign
 def test_a_person_ends_a_guardian_that_goes_on_trying(bench: World, tmp_path: Path) -> None:
     run = start_run(bench, tmp_path, "coil_supply.y")
     guardians = run.guardians
@@ -145,6 +150,7 @@ def test_a_person_ends_a_guardian_that_goes_on_trying(bench: World, tmp_path: Pa
     assert message in aborted.stdout
 
 
+@pytest.mark.campaign
 def test_guardians_that_have_no_room_for_a_thread_make_the_bench_safe_all_the_same(
     bench: World, tmp_path: Path
 ) -> None:
@@ -159,6 +165,7 @@ def test_guardians_that_have_no_room_for_a_thread_make_the_bench_safe_all_the_sa
     assert run.safe_states()[-1] == {"coil_supply.x": True}
 
 
+@pytest.mark.campaign
 def test_a_guardian_that_stands_still_keeps_no_instrument_of_a_run_that_is_over(
     bench: World, tmp_path: Path
 ) -> None:
@@ -173,6 +180,7 @@ def test_a_guardian_that_stands_still_keeps_no_instrument_of_a_run_that_is_over(
     with_it.wait_for_guardian()
 
 
+@pytest.mark.campaign
 def test_a_run_that_cannot_verify_hands_over_and_the_guardian_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,6 +209,7 @@ def disk(tmp_path: Path) -> Iterator[UserSpaceDisk]:
         yield made
 
 
+@pytest.mark.campaign
 def test_a_run_that_cannot_die_keeps_nobody_from_its_instruments(
     bench: World, disk: UserSpaceDisk
 ) -> None:
@@ -228,6 +237,7 @@ def test_beats_that_nobody_reads_never_hold_up_who_sends_them() -> None:
     its.close()
 
 
+@pytest.mark.campaign
 def test_guardians_that_stand_still_do_not_hold_up_the_end_of_a_run(tmp_path: Path) -> None:
     (tmp_path / "bench.resolved.yaml").write_text(bench_text(), encoding="utf-8")
     guardian = Guardian(tmp_path, None, {}, RealClock(), on_lost=lambda said: None)

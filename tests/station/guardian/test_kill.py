@@ -47,6 +47,7 @@ def reference(plan: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next(parent.iterdir())
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run_that_goes_on(
     seed: int, plan: Path, reference: Path, tmp_path: Path
@@ -64,6 +65,7 @@ def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run_that_goes_on(
     assert not wrong, how
 
 
+@pytest.mark.campaign
 def test_a_kill_on_scaled_time_leaves_a_safe_world_and_a_run_that_goes_on(
     plan: Path, reference: Path, tmp_path: Path
 ) -> None:
@@ -111,6 +113,7 @@ def test_a_resumed_run_may_be_less_sure_where_time_is_faster_and_never_wrong(
     assert any(said in one for one in wrong) if said else not wrong, wrong
 
 
+@pytest.mark.campaign
 def test_what_a_kill_left_says_how_far_the_run_came(reference: Path, tmp_path: Path) -> None:
     cut_after(reference, tmp_path / "cut", "unit-started", "NA")
     done = station("analyse", tmp_path / "cut", "--output", tmp_path / "out")

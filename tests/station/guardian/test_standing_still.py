@@ -37,6 +37,7 @@ from station.runner.watchers import LONGEST_SILENCE_S, OBEYS_WITHIN_S
 if sys.platform != "linux":
     pytest.skip("FUSE, prlimit and /proc; not verified elsewhere", allow_module_level=True)
 
+pytestmark = pytest.mark.campaign
 ENDED = ["failed", "safe-state", "run-ended"]
 SAFE = "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
 BUSY_S = 10.0

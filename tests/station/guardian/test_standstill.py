@@ -82,6 +82,7 @@ def attacks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runner]:
         )
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_an_attack_of_the_operating_system_breaks_no_promise(case: Case, attacks: Runner) -> None:
     if case.attack.disk and (reason := why_not()) is not None:

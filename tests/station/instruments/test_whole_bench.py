@@ -84,6 +84,7 @@ def test_an_energised_source_outside_the_plan_refuses_the_start_and_is_left_alon
     assert by_name[OTHER]["used"] is by_name[OTHER]["verified"] is False
 
 
+@pytest.mark.campaign
 def test_a_source_that_is_energised_during_the_run_is_not_verified_and_left_alone(
     tmp_path: Path, served: World
 ) -> None:
@@ -103,6 +104,7 @@ def test_a_source_that_is_energised_during_the_run_is_not_verified_and_left_alon
     assert [one["instrument"] for one in flagged] == [OTHER]
 
 
+@pytest.mark.campaign
 def test_a_resumed_run_reads_the_whole_bench_too(tmp_path: Path, served: World) -> None:
     run = begun(tmp_path, *RUN)
     until(lambda: served.report()["outputs"][USED])
@@ -134,6 +136,7 @@ def held_by_another(folder: Path, instrument: str) -> Iterator[None]:
         locks.release()
 
 
+@pytest.mark.campaign
 def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
     tmp_path: Path, served: World, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -82,6 +82,7 @@ def answered(page: Page, asked: str) -> bool:
     return page.text("prompt-text") != asked or bool(page.text("verdict"))
 
 
+@pytest.mark.campaign
 def test_no_ends_the_run_with_a_safe_bench(page: Page, served: Served) -> None:
     run = start(page, served, "SN-NO")
     assert page.driver.switch_to.active_element.get_attribute("id") == "answer-abort"
@@ -94,6 +95,7 @@ def test_no_ends_the_run_with_a_safe_bench(page: Page, served: Served) -> None:
     assert read_status(run).bench_safe
 
 
+@pytest.mark.campaign
 def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> None:
     start(page, served, "SN-YES")
     picture = page.element("prompt-picture")
@@ -228,6 +230,7 @@ def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
             process.wait()
 
 
+@pytest.mark.campaign
 def test_a_panel_that_is_gone_is_said_and_comes_back(
     page: Page, served: Served, one_axis_run: Path
 ) -> None:

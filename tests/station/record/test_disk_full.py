@@ -106,6 +106,7 @@ def test_a_disk_that_is_full_from_the_start_energises_nothing(plan: Path, tmp_pa
     assert not list((tmp_path / "runs").iterdir())
 
 
+@pytest.mark.campaign
 def test_a_report_that_does_not_fit_leaves_complete_data(plan: Path, tmp_path: Path) -> None:
     done = limited(300_000, plan, tmp_path)
     assert done.returncode == 3

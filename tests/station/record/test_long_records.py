@@ -214,6 +214,7 @@ except SystemExit as end:
 """
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from Linux")
 def test_the_evaluation_of_a_long_record_stays_near_the_memory_foreseen(tmp_path: Path) -> None:
     bench, plan = bench_and_plan("parameters.duration=6 h", "parameters.axes=[IA]")

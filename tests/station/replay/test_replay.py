@@ -137,6 +137,7 @@ def test_a_run_that_was_aborted_replays_without_a_deviation(
     assert replay(run).lines()[:-1] == []
 
 
+@pytest.mark.campaign
 def test_one_command_makes_a_regression_test_of_a_transcript(
     rlg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
-from campaign_helpers import finished_run
 
 from station.decision import Limit
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
@@ -21,9 +21,11 @@ CODE = "limit-without-result"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(two_axes_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of two axes out of three, its limit given for the result as a whole."""
-    return finished_run(tmp_path_factory.mktemp("limited"), ["IA", "LA"])
+    return Path(
+        shutil.copytree(two_axes_run, tmp_path_factory.mktemp("limited") / two_axes_run.name)
+    )
 
 
 def document(*axes: str, value: float = 0.04) -> ResultDocument:

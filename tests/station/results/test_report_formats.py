@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_helpers import finished_run, station
+from campaign_helpers import station
 
 from station.decision import Limit, Rule
 from station.findings import Estimate, Findings, Flag, Published
@@ -22,8 +22,10 @@ from station.results import ResultDocument, conclude
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return finished_run(tmp_path_factory.mktemp("reports"), ["IA", "LA"])
+def run(two_axes_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(
+        shutil.copytree(two_axes_run, tmp_path_factory.mktemp("reports") / two_axes_run.name)
+    )
 
 
 def estimate(axis: str, value: float | None, u: float = 0.01) -> Estimate:

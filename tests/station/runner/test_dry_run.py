@@ -175,6 +175,7 @@ def test_a_disk_too_small_is_warned_of(tmp_path: Path) -> None:
     assert f"WARNING: the disk of {disk} is too small for this plan" in done.stderr
 
 
+@pytest.mark.campaign
 def test_the_disk_space_foretold_is_what_a_run_takes(tmp_path: Path) -> None:
     outcome, _ = short_run(tmp_path)
     taken = sum(file.stat().st_size for file in (outcome.folder / "raw").iterdir())

@@ -179,6 +179,7 @@ def test_a_second_time_after_a_second_fault(
     assert RunFolder(interrupted).finished_units()["NA"]["segment"] == 2
 
 
+@pytest.mark.campaign
 def test_a_kill_while_it_goes_on_costs_nothing_that_was_finished(
     interrupted: Path, reference: Path, tmp_path: Path
 ) -> None:
@@ -205,6 +206,7 @@ def test_a_finished_run_is_refused(reference: Path) -> None:
         go_on(reference)
 
 
+@pytest.mark.campaign
 def test_a_run_that_a_process_is_at_work_on_is_refused(
     plan: Path, interrupted: Path, tmp_path: Path
 ) -> None:

@@ -41,6 +41,7 @@ def finished(parent: Path) -> int:
     return logs[0].read_text(encoding="utf-8").count('"unit-finished"') if logs else 0
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("procedure", SHORT)
 def test_a_killed_run_goes_on_and_says_the_same(procedure: str, tmp_path: Path) -> None:
     plan = shipped("plans", procedure)

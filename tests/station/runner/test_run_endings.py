@@ -56,6 +56,7 @@ def test_a_supply_in_compliance_shows_in_the_measured_field(tmp_path: Path) -> N
     assert abs(error) < 3 * result.combined.standard_uncertainty
 
 
+@pytest.mark.campaign
 def test_a_run_that_ended_early_is_analysed_as_far_as_it_went(tmp_path: Path) -> None:
     text = PLAN.replace("axes: [IA]", "axes: [IA, LA]").replace("100 s", "2000 s")
     (tmp_path / "plan.yaml").write_text(text, encoding="utf-8")
@@ -84,6 +85,7 @@ def test_an_overdue_calibration_is_flagged(tmp_path: Path) -> None:
     assert "gaussmeter was due on 2026-02-01" in flags["calibration-overdue"].message
 
 
+@pytest.mark.campaign
 def test_a_terminal_that_is_gone_ends_no_run(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
     process = begun(tmp_path, "run", "plan.yaml", "--non-interactive", stdout=subprocess.DEVNULL)

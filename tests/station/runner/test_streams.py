@@ -86,6 +86,7 @@ def test_a_reader_that_leaves_early_loses_nothing_that_it_wanted() -> None:
     assert not process.stderr.read()
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("handles", [(2,), (0,), (0, 1, 2)])
 def test_closed_streams_keep_no_run_from_its_end(
     plan: Path, tmp_path: Path, handles: tuple[int, ...]
@@ -99,6 +100,7 @@ def test_closed_streams_keep_no_run_from_its_end(
     assert (folder / "manifest.json").is_file()
 
 
+@pytest.mark.campaign
 def test_a_terminal_that_is_stopped_holds_up_no_end(plan: Path, tmp_path: Path) -> None:
     with stopped_terminal() as terminal:
         done = command(
@@ -144,6 +146,7 @@ def test_a_terminal_that_goes_on_is_informed_of_what_is_missing() -> None:
     assert [one.strip() for one in said[-3:]] == ["last 0", "last 1", "last 2"]
 
 
+@pytest.mark.campaign
 def test_results_that_nobody_reads_can_be_ended() -> None:
     with stopped_terminal() as terminal:
         process = subprocess.Popen(

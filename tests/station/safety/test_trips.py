@@ -125,6 +125,7 @@ def computer(open_folder: Path, served: World) -> Computer:
     return Computer(open_folder)
 
 
+@pytest.mark.campaign
 def test_a_trip_is_refused_under_every_name_state_folder_and_account_until_acknowledged(
     computer: Computer, served: World
 ) -> None:
@@ -160,6 +161,7 @@ def test_a_trip_is_refused_under_every_name_state_folder_and_account_until_ackno
     assert computer.runs("copy.yaml", user=NOBODY).returncode == 5
 
 
+@pytest.mark.campaign
 def test_an_instrument_at_another_address_is_known_by_what_it_says(
     computer: Computer, served: World
 ) -> None:
@@ -175,6 +177,7 @@ def test_an_instrument_at_another_address_is_known_by_what_it_says(
     assert "may not be used" not in computer.runs("lab.yaml").stderr
 
 
+@pytest.mark.campaign
 def test_links_and_strange_files_in_the_shared_place_are_not_followed(
     computer: Computer,
 ) -> None:

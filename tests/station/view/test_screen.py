@@ -6,6 +6,7 @@ import shutil
 import time
 from pathlib import Path
 
+import pytest
 from terminal import WITHIN_S, OnTerminal
 
 QUESTIONS = (
@@ -26,6 +27,7 @@ def wait_for_line(terminal: OnTerminal, text: str) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.campaign
 def test_prompts_are_readable_the_picture_comes_back_and_the_record_is_the_same(
     tmp_path: Path, one_axis_run: Path
 ) -> None:
