@@ -8,7 +8,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from copy import deepcopy
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -35,30 +34,37 @@ def module_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@cache
+def import_statements(path: Path) -> list[tuple[ast.Import | ast.ImportFrom, bool]]:
+    """Return every import of a file, and whether it is for types alone."""
+    found: list[tuple[ast.Import | ast.ImportFrom, bool]] = []
+    waiting: list[tuple[ast.AST, bool]] = [(parsed(path), False)]
+    while waiting:
+        node, typing = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found.append((node, typing))
+        elif not isinstance(node, ast.expr):
+            test = node.test if isinstance(node, ast.If) else None
+            typing = typing or (isinstance(test, ast.Name) and test.id == "TYPE_CHECKING")
+            waiting += [(child, typing) for child in ast.iter_child_nodes(node)]
+    return found
+
+
 def imports(path: Path, *, typing_too: bool = True, deep: bool = False) -> Iterator[str]:
     """Yield what a file imports; `deep`: a module named behind `import`, not its package."""
     package = module_of(path) if path.name == "__init__.py" else module_of(path).rpartition(".")[0]
-    tree = parsed(path)
-    if not typing_too:
-        tree = WithoutTypes().visit(deepcopy(tree))
-    for node in ast.walk(tree):
+    for node, typing in import_statements(path):
+        if typing and not typing_too:
+            continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = package.split(".")[: len(package.split(".")) - node.level + 1]
             name = ".".join(
                 [*(base if node.level else []), *([node.module] if node.module else [])]
             )
             inside = [f"{name}.{alias.name}" for alias in node.names]
             yield from [part if part in MODULES else name for part in inside] if deep else [name]
-
-
-class WithoutTypes(ast.NodeTransformer):
-    """Leave out what is imported for types alone."""
-
-    def visit_If(self, node: ast.If) -> ast.AST | None:
-        name = node.test.id if isinstance(node.test, ast.Name) else ""
-        return None if name == "TYPE_CHECKING" else self.generic_visit(node)
 
 
 MODULES = {module_of(path) for path in SOURCES}
