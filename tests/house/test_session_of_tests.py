@@ -43,8 +43,9 @@ def ended(how: str, after: str, *arguments: str) -> dict[str, Any]:
         env=ENVIRONMENT,
         timeout=200,
     )
-    if done.returncode != 0 and not done.stdout:
-        pytest.skip(f"no namespaces can be had here: {done.stderr}")
+    if done.returncode == 0 and not done.stdout:
+        pytest.skip("no namespaces can be had here")
+    assert done.returncode == 0, done.stderr
     seen: dict[str, Any] = json.loads(done.stdout)
     return seen
 
