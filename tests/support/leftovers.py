@@ -9,6 +9,7 @@ python leftovers.py FOLDER waits for the end of standard input, then ends the se
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -27,13 +28,15 @@ from station.instruments.instrument_locks import PREFIX, lock_folder
 SESSION = "STATION_TESTS_SESSION"
 """In the environment of whatever a session starts: its folder, in which all its files lie."""
 FOLDERS = "station-tests-"
+NAME = re.compile(rf"{FOLDERS}(\d+)-(\d+)-\w+")
+"""The process that made the folder, and when, in Unix time."""
 ENDS_WITHIN_S = 8.0
 
 
 def begin_session() -> None:
     """End what earlier sessions left, and have another process end this one with this process."""
     for earlier in Path(tempfile.gettempdir()).glob(f"{FOLDERS}*"):
-        if not is_owned(earlier):
+        if NAME.fullmatch(earlier.name) and is_own(earlier) and not is_owner_alive(earlier):
             end_session(earlier)
     folder = tempfile.mkdtemp(prefix=f"{FOLDERS}{os.getpid()}-{time.time():.0f}-")
     subprocess.Popen(
@@ -47,7 +50,12 @@ def begin_session() -> None:
     tempfile.tempdir = None  # so that it is looked up again
 
 
-def is_owned(folder: Path) -> bool:
+def is_own(folder: Path) -> bool:
+    """Whether this user made a folder."""
+    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
+
+
+def is_owner_alive(folder: Path) -> bool:
     """Whether the process that made the folder of a session still lives."""
     owner, began_s = owner_of(folder)
     with suppress(psutil.Error):
@@ -57,8 +65,9 @@ def is_owned(folder: Path) -> bool:
 
 def owner_of(folder: Path) -> tuple[int, float]:
     """Return the process that made the folder of a session, and when, in Unix time."""
-    process, began_s, _ = folder.name.removeprefix(FOLDERS).split("-", 2)
-    return int(process), float(began_s)
+    named = NAME.fullmatch(folder.name)
+    assert named
+    return int(named[1]), float(named[2])
 
 
 def end_session(folder: Path) -> None:
