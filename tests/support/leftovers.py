@@ -59,7 +59,7 @@ def is_owner_alive(folder: Path) -> bool:
     """Whether the process that made the folder of a session still lives."""
     owner, began_s = owner_of(folder)
     with suppress(psutil.Error):
-        return psutil.Process(owner).create_time() <= began_s + 1.0
+        return float(psutil.Process(owner).create_time()) <= began_s + 1.0
     return False
 
 

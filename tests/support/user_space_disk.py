@@ -246,7 +246,7 @@ def serve(backing: str, place: str) -> None:
 
         @writing
         def utimens(self, path: str, times: tuple[int, int] | None = None) -> None:
-            os.utime(real(path), ns=times)
+            os.utime(real(path)) if times is None else os.utime(real(path), ns=times)
 
     def obey() -> None:
         for line in sys.stdin:
