@@ -9,7 +9,7 @@ of the run folder stands still (so that a writer cannot even be killed), is take
 moved; the terminal stands still, and somebody then wishes the run to end; the run, its guardian or
 both are stopped or killed; there is no memory left (`prlimit`); an instrument cannot be reached for
 20 s or 120 s just when the bench is to be made safe. The simulated world, the exit code, the words,
-the folder and the system's list of processes say what followed. A disk of its own needs `/dev/fuse`.
+the folder and the system's list of processes say what followed. A disk of its own needs FUSE.
 
 Real seconds from the attack: `to_rest_s` until the world was at rest and stayed so, `to_end_s`
 until no process of the run lived any more, `to_guardian_s` until there was another guardian. What

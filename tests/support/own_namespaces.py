@@ -153,7 +153,7 @@ def _first_process(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: of_the_group.append(received))
     signal.signal(signal.SIGCHLD, lambda *_: None)
-    child = os.posix_spawn(command[0], command, environment)
+    child = os.posix_spawn(command[0], list(command), environment)
     received, ends_by_s = b"", None
     while True:
         if (code := _reaped(child)) is not None:
