@@ -13,6 +13,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from plants import Plant, named
 from plants_motion import PLANTS
 from quick_yaml import dump_yaml
+from tiers import quick
 
 from procedures.commissioning.motion import MOTION_PART, limits
 
@@ -24,7 +25,7 @@ def short_plan() -> dict[str, Any]:
     return plan
 
 
-@pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
+@pytest.mark.parametrize("bench", quick(["sim", "sim-alternate"], "sim"))
 def test_a_healthy_table_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     outcome = run_of(tmp_path / bench, plan_of("motion"), shipped_bench(bench))
     assert named(outcome) == set()

@@ -13,6 +13,7 @@ from plan_runs import run_of as execute_plan
 from plan_runs import shipped_bench, shipped_plan
 from rlg_runs import short_run
 from short_forms import SHORT_FORMS
+from tiers import quick
 
 from station import registry
 from station.cli.validating import outlook_of, read_bench_named, read_plan_for
@@ -97,7 +98,7 @@ def test_a_bench_without_calibration_records_does_not_pass(tmp_path: Path) -> No
     assert (outcome.document.verdict, outcome.exit_code) == ("inconclusive", 6)
 
 
-@pytest.mark.parametrize("procedure", NEEDED)
+@pytest.mark.parametrize("procedure", quick(NEEDED, RLG, FOG))
 def test_what_an_analysis_needs_and_lacks_is_named_and_evaluated_without(
     procedure: str, run_of: Callable[[str], Path]
 ) -> None:

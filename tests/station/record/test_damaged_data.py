@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from bad_input_files import here
+from tiers import quick
 
 from station.errors import DamagedRecord
 from station.record.blocks import CHUNK, END, HEAD, scan
@@ -87,7 +88,7 @@ def codes(document: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("sealed", [True, False], ids=["finished", "without-manifest"])
-@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("procedure", quick(PROCEDURES, *PROCEDURES[:2]))
 def test_one_flipped_bit_in_raw_data_is_named_and_takes_its_unit_out(
     procedure: str, sealed: bool, run_of: Callable[[str], Path], tmp_path: Path
 ) -> None:
@@ -160,7 +161,7 @@ def test_a_raw_file_of_another_run_is_refused(copy: Path, run_of: Callable[[str]
 
 
 @pytest.mark.parametrize("way", ["copied", "exchanged"])
-@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("procedure", quick(PROCEDURES, *PROCEDURES[:2]))
 def test_a_whole_block_in_the_place_of_another_is_named(
     procedure: str, way: str, run_of: Callable[[str], Path], tmp_path: Path
 ) -> None:
@@ -243,7 +244,7 @@ def test_raw_files_of_two_sources_exchanged_are_exit_code_2(copy: Path) -> None:
     assert f"{second.name} was altered" in done.stderr
 
 
-@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("procedure", quick(PROCEDURES, *PROCEDURES[:2]))
 def test_a_unit_without_rows_is_left_out_and_named(
     procedure: str, run_of: Callable[[str], Path], tmp_path: Path
 ) -> None:
@@ -360,7 +361,7 @@ def test_altered_results_are_named_and_not_compared_with(copy: Path) -> None:
     assert "results.json was changed" in done.stderr
 
 
-@pytest.mark.parametrize("procedure", PROCEDURES)
+@pytest.mark.parametrize("procedure", quick(PROCEDURES, *PROCEDURES[:2]))
 def test_any_unit_of_work_may_be_left_out(
     procedure: str, run_of: Callable[[str], Path], tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from places import ROOT
 from short_forms import SHORT_FORMS
+from tiers import quick
 
 from drivers.transport.serial_port import SocketPort
 from station import registry
@@ -76,7 +77,15 @@ def plans_that_declare() -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", plans_that_declare())
+@pytest.mark.parametrize(
+    "name",
+    quick(
+        plans_that_declare(),
+        "rlg-magnetic-sensitivity",
+        "accelerometer-magnetic-sensitivity",
+        "gyro-static-noise",
+    ),
+)
 def test_a_run_sends_what_its_procedure_declares_in_order_and_nothing_beyond(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
+from tiers import quick
 
 from station import registry
 from station.files.faults import FaultList
@@ -46,7 +47,7 @@ def forget() -> None:
     registry.load.cache_clear()
 
 
-@pytest.mark.parametrize("plan", PLANS)
+@pytest.mark.parametrize("plan", quick(PLANS, *PLANS[:2]))
 def test_a_run_is_evaluated_and_reported_where_no_driver_is_installed(
     plan: str, run_of: Callable[[str], Path], without_drivers: Callable[[], None]
 ) -> None:
