@@ -171,16 +171,11 @@ def test_an_outlier_in_a_small_plan_is_found() -> None:
         assert max(off_in_u(analysis).values()) < 3.7
 
 
-def test_overloads_are_left_out_and_flagged() -> None:
+def test_the_published_solution_stands_in_spite_of_overloads() -> None:
     dataset = record(9)
     output = dataset.output_V.copy()
-    output[[3, 20]] = [9.9e37, -9.9e37]
-    output[7] = np.nan
+    output[[3, 20, 7]] = [9.9e37, -9.9e37, np.nan]
     analysis = analyse(replace(dataset, output_V=output))
-    flag = next(flag for flag in analysis.flags if flag.code == "overload")
-    assert flag.details["count"] == 3
-    assert flag.details["rows"] == [3, 7, 20]
-    assert max(off_in_u(analysis).values()) < 3.7
     assert all(one.value is not None for one in analysis.published if one.name != "Kpp")
 
 
@@ -197,10 +192,24 @@ def test_a_wild_reading_of_field_temperature_or_angle_bends_nothing() -> None:
     assert max(off_in_u(analysis).values()) < 3.7
 
 
-def test_the_measured_field_counts_and_not_the_commanded_one() -> None:
-    analysis = analyse(record(11, field_gain=1.03))
-    assert max(off_in_u(analysis).values()) < 3.7
-    assert codes(analysis) == {"not-identifiable", "field-differs-from-commanded"}
+@pytest.mark.parametrize("field_gain", [0.99, 1.003])
+def test_terms_are_those_of_the_measured_field(field_gain: float) -> None:
+    for seed in range(2):
+        one = record(seed, ("io", "ip"), 24, (0.0, 0.05), noise_V=1e-6, field_gain=field_gain)
+        analysis = analyse(one)
+        km = estimate(analysis, "Km")
+        assert km.extra["terms"]["Kmm"] == pytest.approx(0.05 * field_gain, rel=1e-4)
+        assert off_in_u(analysis)["Km"] < 4.0
+        moved = [f for f in analysis.flags if f.code == "field-differs-from-commanded"]
+        assert ["Km"] in [flag.details.get("coefficients") for flag in moved]
+        wanting = next(f for f in analysis.flags if f.code == "not-identifiable")
+        assert wanting.details["coefficients"] == ["K0", "Kii", "Koo", "Kpp", "Km", "Kmm"]
+
+
+def test_terms_stay_those_of_the_plan_where_the_field_was_as_commanded() -> None:
+    analysis = analyse(record(0, ("io", "ip"), 24, (0.0, 0.05), noise_V=1e-6))
+    assert estimate(analysis, "Km").extra["terms"] == {"Km": 1.0, "Kmm": 0.05}
+    assert "field-differs-from-commanded" not in codes(analysis)
 
 
 def test_ranges_of_the_voltmeter_weigh_by_their_noise() -> None:
@@ -215,12 +224,6 @@ def test_ranges_of_the_voltmeter_weigh_by_their_noise() -> None:
     assert one.standard_uncertainty is not None and other.standard_uncertainty is not None
     assert other.standard_uncertainty < 0.4 * one.standard_uncertainty
     assert max(off_in_u(weighed).values()) < 3.7
-
-
-def test_output_that_the_model_cannot_follow_is_called_out() -> None:
-    hum = 20e-6 * np.sign(np.sin(np.arange(432) / 5.0))
-    analysis = analyse(record(13, ("io", "ip"), 72, (-0.05, 0.0, 0.05), drift_V=hum))
-    assert "model-too-stiff" in codes(analysis)
 
 
 def test_type_b_sensitivities_are_the_derivatives_of_the_values() -> None:
@@ -242,29 +245,6 @@ def test_type_b_sensitivities_are_the_derivatives_of_the_values() -> None:
             expected = one.sensitivities.get(name, 0.0)
             slope = (now - one.value) / step
             assert slope == pytest.approx(expected, rel=5e-3, abs=2e-4), (name, one.name)
-
-
-def test_too_few_rows_determine_nothing_and_say_so() -> None:
-    dataset = record(15)
-    few = [0, 5, 9, 14, 20, 22, 31, 40]
-    fields = ("time_s", "plane", "theta_deg", "theta_commanded_deg", "field_T")
-    fields += ("field_commanded_T", "output_V")
-    analysis = analyse(replace(dataset, **{name: getattr(dataset, name)[few] for name in fields}))
-    assert all(one.value is None for one in analysis.estimates)
-    assert "not-identifiable" in codes(analysis)
-    nothing = analyse(replace(dataset, **{name: getattr(dataset, name)[[]] for name in fields}))
-    assert all(one.value is None for one in nothing.estimates)
-    assert all(one.value is None for one in nothing.published)
-
-
-def test_magnetic_coefficients_that_are_noise_are_said_to_be() -> None:
-    dataset = record(16)
-    i = np.sin(np.radians(dataset.theta_deg))
-    o = np.where(dataset.plane == "io", np.cos(np.radians(dataset.theta_deg)), 0.0)
-    quiet = dataset.output_V - (TRUTH["Kom"] * o + TRUTH["Kim"] * i) * dataset.field_T
-    flags = analyse(replace(dataset, output_V=quiet)).flags
-    weak = next(flag for flag in flags if flag.code == "not-significant")
-    assert set(weak.details["coefficients"]) <= {"Kim", "Kom"}  # type: ignore[call-overload]
 
 
 def test_thresholds_are_the_callers() -> None:

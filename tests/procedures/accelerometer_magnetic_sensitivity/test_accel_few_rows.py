@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from accelerometer_records import SIX_FIELDS_T, TRUTH, codes, off_in_u, points, record
+from accelerometer_records import SIX_FIELDS_T, TRUTH, off_in_u, points, record
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
-from procedures.accelerometer_magnetic_sensitivity.from_import import nominal_angles
 
 
 def test_a_warming_that_follows_the_angle_is_not_taken_for_the_coefficients() -> None:
@@ -23,27 +22,10 @@ def test_a_warming_that_follows_the_angle_is_not_taken_for_the_coefficients() ->
     assert max(off_in_u(analyse(dataset)).values()) < 4.0
 
 
-def test_an_offset_of_half_a_degree_is_no_drift_and_changes_no_list() -> None:
-    dataset = record(17, ("io", "ip"), 12, SIX_FIELDS_T, offset_arcsec=1800.0)
-    analysis = analyse(dataset)
-    assert max(off_in_u(analysis).values()) < 4.0
-    assert codes(analysis) == {"not-identifiable"}
-    read_deg = np.repeat(60.0 * np.arange(6), 3) + 0.123 + 1e-5 * np.arange(18)
-    assert set(nominal_angles(read_deg)) == {0.0, 60.0, 120.0, 180.0, 240.0, 300.0}
-
-
 def test_without_input_acceleration_no_offset_of_the_encoder_is_sought() -> None:
     for seed in range(4):
         analysis = analyse(record(seed, ("op",), 7, (0.0, 0.05)))
         assert "encoder offset" not in {one.name for one in analysis.nuisances}
-
-
-def test_a_field_that_was_never_there_ends_in_a_flag() -> None:
-    dataset = record(18)
-    analysis = analyse(replace(dataset, field_T=np.zeros(len(dataset))))
-    assert all(one.value is None for one in analysis.estimates)
-    flag = next(flag for flag in analysis.flags if flag.code == "not-identifiable")
-    assert "do not follow the commanded ones" in flag.message
 
 
 def test_few_rows_are_told_with_the_uncertainty_they_have_or_not_at_all() -> None:

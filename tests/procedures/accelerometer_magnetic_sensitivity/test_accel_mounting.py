@@ -1,17 +1,15 @@
-"""What a mounting that leans, and a field without its sign, do to the combinations."""
+"""What a mounting that leans does to the combinations."""
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from accelerometer_records import record
+from campaigns.planted.accelerometer_tables import LEVEL, ONE_FIELD, THREE_PLANES, Kind, made
+from campaigns.planted.judging import analysed, error_u
 
-from benchmarks.accelerometer_tables import LEVEL, ONE_FIELD, THREE_PLANES, Kind, made
-from benchmarks.sabotage import analysed, error_u
-from benchmarks.sabotage_accelerometer import FAULTS
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.outlook import expected_uncertainty
 from station.dataset_reading import read_dataset
@@ -78,31 +76,3 @@ def test_where_the_rows_tell_the_mounting_nothing_is_assumed() -> None:
         analysis = analyse(record(0, planes, 12))
         used = {name for one in analysis.estimates for name in one.sensitivities}
         assert not any(name.startswith("mounting") for name in used)
-
-
-@pytest.mark.parametrize(
-    "name, flags",
-    [
-        ("sign of the field lost; three planes, 12 angles", {"contradicts-statement"}),
-        ("sign of the field lost; efficient", {"contradicts-statement"}),
-        ("sign of the field lost; palindrome", {"contradicts-statement"}),
-        ("sign of the field lost, measured; palindrome", {"field-differs-from-commanded"}),
-        ("scale differs by the field's sign, 50 ppm; palindrome", {"misfit"}),
-    ],
-)
-def test_a_field_that_lost_its_sign_is_named(name: str, flags: set[str]) -> None:
-    fault = next(one for one in FAULTS if one.name == name)
-    document = analysed(fault.planted(0))
-    assert flags <= {flag["code"] for flag in document["flags"]}
-    if "contradicts-statement" in flags:
-        (flag,) = (one for one in document["flags"] if one["code"] == "contradicts-statement")
-        assert flag["statement"] == "field_T" and "without its sign" in flag["message"]
-        assert not u_of(document)
-
-
-def test_fields_of_one_sign_are_no_lost_sign() -> None:
-    ascending = partial(record, planes=("io", "ip"), angles=9, fields_T=(0.0, 0.02, 0.05))
-    for seed, noise_V in ((0, 3e-6), (1, 1e-3)):
-        codes = {flag.code for flag in analyse(ascending(seed, noise_V=noise_V)).flags}
-        assert not codes & {"contradicts-statement", "misfit"}
-    assert THREE_PLANES.plan.fields_T[0] < 0.0

@@ -170,14 +170,6 @@ def test_turns_that_a_gap_took_apart_are_no_pair(made_again: bool) -> None:
     assert np.abs(one.after_ppm).max() < 4.0
 
 
-def test_verification_beyond_the_calibrated_range_is_said() -> None:
-    dataset = record(0, last_degC=20.0)
-    down = record(9, first_degC=40.0, last_degC=-37.0)
-    analysis = analyse(replace(dataset, verification=down.turns))
-    assert "extrapolation" in {flag.code for flag in analysis.flags}
-    assert analysis.verified["x"].outside > 10
-
-
 def exact() -> dict[str, Curve]:
     coefficients = np.array([100.0, -150.0, 60.0, 20.0, 10.0])
     curve = Curve((-40.0, 60.0), coefficients, 0.01 * np.eye(5), 100.0, np.zeros(5))
@@ -238,23 +230,6 @@ def test_the_drive_that_comes_with_the_station_is_of_the_simulated_benchs_gyros(
     ):
         told_deg = truth[f"heading_error_{name}_deg"]
         assert error_deg == pytest.approx(told_deg, abs=truth["tolerance_deg"])
-
-
-def test_a_drive_that_does_not_close_has_no_heading_error() -> None:
-    still = dict.fromkeys(CURVES, np.zeros_like)
-    drive = simulated_drive(still, laps=2)
-    half = len(drive.time_s) // 5
-    cut = replace(
-        drive,
-        time_s=drive.time_s[:half],
-        rate_deg_per_s=drive.rate_deg_per_s[:half],
-        temperature_degC=drive.temperature_degC[:half],
-        heading_deg=None,
-    )
-    analysis = analyse(replace(record(0, axes=("z",)), drive=cut))
-    assert analysis.driven is not None
-    assert analysis.driven.compensated_error_deg is None
-    assert "not-identifiable" in {flag.code for flag in analysis.flags}
 
 
 def test_the_rates_noise_is_in_the_uncertainty_of_the_heading() -> None:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from bad_input_files import here
-from bias_records import CASES, Gyro, errors_in_u, record
+from bias_records import CASES, Gyro, errors_in_u
 from numpy.polynomial import chebyshev
 from places import DATA
 
-from procedures.gyro_bias_temperature.analysis import TemperatureAnalysis, analyse
+from procedures.gyro_bias_temperature.analysis import TemperatureAnalysis
 from procedures.gyro_bias_temperature.evaluate import findings_of_dataset
 from procedures.gyro_bias_temperature.figures import draw_parts
 from procedures.gyro_bias_temperature.thermal import lagged, loop
 from station.dataset_reading import read_dataset
-from station.files.faults import FaultList
 from station.findings import Estimate, Findings
 from station.runner.evaluation import evaluate_dataset
 
@@ -74,61 +72,6 @@ def test_a_quiet_gyro_shows_every_part_of_the_model() -> None:
         assert abs(error) < closest.get(name, 3e-3) and abs(error) < 4.0 * u, (name, error, u)
 
 
-def test_ramps_of_one_rate_one_way_have_no_hysteresis_to_be_seen() -> None:
-    one_way = Gyro(steps=((60, 0.2),))
-    analysis = analyse(record(replace(one_way, soak_h=0.05), 1))
-    came = estimates(analysis)
-    assert came["hysteresis"].value is None
-    lacking = [
-        one.details["coefficients"] for one in analysis.flags if one.code == "not-identifiable"
-    ]
-    assert ["hysteresis"] in lacking
-
-
-def test_a_reference_outside_the_record_has_no_bias() -> None:
-    analysis = analyse(record(Gyro(reference_degC=90.0), 1))
-    came = estimates(analysis)
-    assert came["bias"].value is None and came["bias_temperature_sensitivity"].value is None
-    assert came["largest_bias_slope"].value is not None
-    assert "extrapolation" in codes(analysis)
-
-
-def test_without_a_thermometer_of_its_own_the_chamber_leads() -> None:
-    analysis = analyse(record(Gyro(thermometer=False), 1))
-    assert estimates(analysis)["chamber_lag"].value is None
-    assert "not-identifiable" in codes(analysis)
-
-
-def test_a_straight_curve_leaves_the_lag_to_what_is_stated() -> None:
-    analysis = analyse(record(Gyro(curve=(0.1, 0.1)), 1))
-    assert "lag-by-prior" in codes(analysis)
-
-
-@pytest.mark.parametrize("factor", [1.0 / 3600.0, -1.0], ids=["deg/s", "reversed"])
-def test_an_output_without_the_earths_rate_contradicts_its_axis(factor: float) -> None:
-    dataset = record(Gyro(), 4)
-    analysis = analyse(replace(dataset, rate_deg_per_h=factor * dataset.rate_deg_per_h))
-    assert "contradicts-statement" in codes(analysis)
-
-
-def test_wild_rows_and_gaps_are_named_and_change_little() -> None:
-    clean = estimates(analyse(record(Gyro(), 4)))
-    hurt = analyse(record(Gyro(spikes=(100, 700, 1100), lost=slice(400, 420)), 4))
-    assert {"outliers-rejected", "gap"} <= codes(hurt)
-    for name, one in estimates(hurt).items():
-        other = clean[name]
-        assert one.value is not None and other.value is not None
-        assert abs(one.value - other.value) < 1.5 * (other.standard_uncertainty or 0.0), name
-
-
-def test_a_record_at_one_temperature_has_no_curve() -> None:
-    analysis = analyse(record(Gyro(steps=((23.5, 1.0),)), 1))
-    came = estimates(analysis)
-    assert {name for name, one in came.items() if one.value is None} == set(came)
-    (flag,) = [one for one in analysis.flags if one.code == "not-identifiable"]
-    assert flag.details["coefficients"] == list(came)
-
-
 def test_a_lag_is_no_half_interval_late_and_a_loop_has_two_sides() -> None:
     ramp = np.arange(2000.0)
     behind = ramp - lagged(ramp, 300.0, 60.0)
@@ -136,22 +79,6 @@ def test_a_lag_is_no_half_interval_late_and_a_loop_has_two_sides() -> None:
     there = np.r_[np.linspace(0.0, 10.0, 50), np.linspace(10.0, 0.0, 50)]
     side = loop(there, 2.0)
     assert (side[49], side[99]) == (1.0, -1.0) and side[0] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("60,soak,23,", "60,wait,23,", "no phase"),
-        ("120,soak,23,", "30,soak,23,", "t_s"),
-        ("t_s,phase,set_point_degC,rate_deg_per_h", "t_s,phase,set_point_degC,rate", "rate"),
-    ],
-)
-def test_rows_that_are_wrong_are_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
-    text = (EXAMPLE / "samples.csv").read_text(encoding="utf-8").replace(old, new, 1)
-    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
-    (tmp_path / "dataset.yaml").write_bytes((EXAMPLE / "dataset.yaml").read_bytes())
-    with pytest.raises(FaultList, match=said):
-        findings_of_dataset(read_dataset(tmp_path))
 
 
 def test_the_report_has_curve_record_residuals_and_a_table() -> None:

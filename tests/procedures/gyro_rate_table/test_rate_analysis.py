@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from rate_records import CASES, Gyro, bounds, made, trials, without
+from rate_records import CASES, bounds, made, trials, without
 
 from procedures.gyro_rate_table.analysis import RateTableAnalysis, analyse
-from procedures.gyro_rate_table.dataset import RateTableDataset, Record
 
 PPM = 1e6
 
@@ -54,58 +51,8 @@ def test_a_nonlinear_gyro_shows_its_curve_and_a_perfect_one_none() -> None:
     assert one.value is not None and one.value < 2.0 * (one.standard_uncertainty or 0.0)
 
 
-def test_a_warm_up_is_named_and_taken_off() -> None:
-    case = made(np.random.default_rng(2), Gyro(warm_up=2.0))
-    analysis = analyse(case.dataset)
-    assert "drift-removed" in codes(analysis)
-    scale = analysis.estimate("scale_factor", "IA")
-    assert scale.value is not None
-    assert abs(scale.value - case.truth["scale_factor"]) < 4.0 * (scale.standard_uncertainty or 0.0)
-
-
-def late(one: Record) -> Record:
-    """Return a record whose outputs come one sample too late."""
-    rates = np.append(one.rate_deg_per_s[:1], one.rate_deg_per_s[:-1])
-    return replace(one, rate_deg_per_s=rates)
-
-
-def test_stamps_a_sample_off_are_named_and_spoil_nothing() -> None:
-    case = made(np.random.default_rng(4), CASES["settling"])
-    right, wrong = analyse(case.dataset), analyse(shifted(case.dataset))
-    assert "contradicts-statement" not in codes(right)
-    (flag,) = [one for one in wrong.flags if one.code == "contradicts-statement"]
-    assert flag.details["samples"] == pytest.approx(1.0, abs=0.3)
-    for analysis in (right, wrong):
-        assert "unsteady-rate" in codes(analysis)
-        one = analysis.estimate("scale_factor", "IA")
-        assert one.value is not None
-        assert abs(one.value - case.truth["scale_factor"]) < 4.0 * (one.standard_uncertainty or 0.0)
-
-
-def shifted(dataset: RateTableDataset) -> RateTableDataset:
-    return replace(dataset, records=tuple(late(one) for one in dataset.records))
-
-
-def test_a_record_that_another_disturbed_does_not_fit() -> None:
-    case = made(np.random.default_rng(6), CASES["white"])
-    records = list(case.dataset.records)
-    bad = next(n for n, one in enumerate(records) if one.commanded_deg_per_s == -20.0)
-    records[bad] = replace(records[bad], rate_deg_per_s=records[bad].rate_deg_per_s + 1e-3)
-    analysis = analyse(replace(case.dataset, records=tuple(records)))
-    (flag,) = [flag for flag in analysis.flags if flag.code == "bias-wanders"]
-    assert "at 20 deg/s in switch-on 1" in flag.message
-    assert "bias-wanders" not in codes(analyse(case.dataset))
-
-
 def test_without_standing_records_the_published_rule_has_nothing_to_take_off() -> None:
     case = made(np.random.default_rng(8), CASES["white"])
     analysis = analyse(without(case.dataset, 0.0))
     assert all(one.value is None for one in analysis.published)
     assert analysis.estimate("scale_factor", "IA").value is not None
-
-
-def test_records_of_nothing_give_null() -> None:
-    case = made(np.random.default_rng(8), CASES["white"])
-    empty = analyse(replace(case.dataset, records=()))
-    assert all(one.value is None for one in empty.estimates)
-    assert "not-identifiable" in codes(empty)

@@ -14,7 +14,6 @@ from static_records import DEVICES, noise
 from procedures.gyro_static_noise.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.files.faults import FaultList
 from station.runner.evaluation import evaluate_dataset
 
 DATA = DATA / "gyro-static-noise"
@@ -80,57 +79,6 @@ def test_a_triad_gives_each_axis_its_own_results(tmp_path: Path) -> None:
         assert found["bias_repeatability", axis]["value"] is None
 
 
-UP = "  input_axis:\n    IA: {azimuth: 0 deg, elevation: 90 deg}\n"
-
-
-@pytest.mark.parametrize(
-    ("conditions", "header", "rows", "said"),
-    [
-        (f"  gyro_output: rate\n{UP}", "switch_on,t_s,counts", ["1,1,2"], "rate_deg_per_h"),
-        (f"  gyro_output: counts\n{UP}", "switch_on,t_s,counts", ["1,1,2"], "pulse_weight"),
-        (
-            f"  gyro_output: rate\n{UP}",
-            "switch_on,t_s,rate_deg_per_h",
-            ["1,1,2", "1,3,2", "1,2,2"],
-            "samples.csv:4:1: t_s: 2 is not after 3 of the row above; times must rise",
-        ),
-        (
-            f"  gyro_output: rate\n{UP}",
-            "switch_on,t_s,rate_deg_per_h",
-            ["1,1,2", "2,1,2", "1,2,2"],
-            "samples.csv:4:1: switch_on: switch-on 1 returns; keep its rows together",
-        ),
-        (
-            f"  gyro_output: rate\n{UP}",
-            "switch_on,t_s,rate_deg_per_h",
-            ["1,1,2", "1,1.1,2", "1,1.2,3"],
-            "rows are 0.1 s apart, the sample interval is 1 s",
-        ),
-        (
-            "  gyro_output: counts\n  pulse_weight: 1 arcsec\n"
-            "  input_axis:\n    X: {azimuth: 0 deg, elevation: 90 deg}\n",
-            "switch_on,t_s,counts",
-            ["1,1,2"],
-            "an output in counts has the input axis IA",
-        ),
-        (
-            "  gyro_output: rate\n  input_axis:\n    IA: {azimuth: 0 deg, elevation: 0 deg}\n"
-            "    X: {azimuth: 0 deg, elevation: 90 deg}\n",
-            "switch_on,t_s,rate_deg_per_h",
-            ["1,1,2"],
-            "give IA alone for one gyro, or X, Y, Z for a triad",
-        ),
-    ],
-)
-def test_bad_data_are_refused_with_the_reason(
-    tmp_path: Path, conditions: str, header: str, rows: list[str], said: str
-) -> None:
-    place = written(tmp_path / "bad", conditions, header, rows)
-    with pytest.raises(FaultList) as refused:
-        analyse_dataset(place, None)
-    assert said in str(refused.value)
-
-
 def test_samples_before_the_warm_up_do_not_count(tmp_path: Path) -> None:
     place = tmp_path / "cold"
     shutil.copytree(DATA, place)
@@ -139,12 +87,3 @@ def test_samples_before_the_warm_up_do_not_count(tmp_path: Path) -> None:
     (place / "samples.csv").write_text(text.replace(FIRST, "1,1561,900"), encoding="utf-8")
     before, after = (analyse_dataset(one, None).to_data() for one in (DATA, place))
     assert before["results"] == after["results"]
-
-
-def test_a_record_of_a_few_samples_gives_null_and_says_so(tmp_path: Path) -> None:
-    rows = [f"1,{n + 1},{value}" for n, value in enumerate((9.6, 9.8, 9.7, 9.5, 9.9))]
-    conditions = f"  gyro_output: rate\n{UP}"
-    place = written(tmp_path / "few", conditions, "switch_on,t_s,rate_deg_per_h", rows)
-    data = analyse_dataset(place, None).to_data()
-    assert all(one["value"] is None for one in data["results"])
-    assert [one["code"] for one in data["flags"]] == ["not-identifiable"]

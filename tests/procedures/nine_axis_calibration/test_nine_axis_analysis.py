@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from nine_axis_records import (
@@ -24,7 +22,6 @@ from scipy.special import stdtrit
 
 from procedures.estimation.turn_encoder import unwrap
 from procedures.nine_axis_calibration.analysis import analyse
-from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
 from procedures.nine_axis_calibration.outlook import expected_uncertainty
 from procedures.nine_axis_calibration.pose import (
     ATTITUDES,
@@ -142,57 +139,6 @@ def test_the_tables_rate_comes_from_its_encoder_and_not_from_the_plan() -> None:
         assert published[name] == pytest.approx(SCALE[axis] + 1e-4, abs=2e-5)
 
 
-def test_a_table_far_off_its_rate_is_said_to_be() -> None:
-    analysis = analyse(record(Setting(table_ppm=20000.0)), allan=False)
-    assert "rate-differs-from-commanded" in codes(analysis)
-    assert value(analysis, "scale_factor", "Y") == pytest.approx(SCALE[1], abs=2e-6)
-
-
-def test_part_turns_are_flagged_and_their_earth_rate_taken_off() -> None:
-    dataset = record(Setting(noise=0.01))
-    cut = tuple(cut_off(one, 0.6) for one in dataset.turns)
-    analysis = analyse(replace(dataset, turns=cut), allan=False)
-    flag = next(flag for flag in analysis.flags if flag.code == "part-turns")
-    assert set(flag.details["rates"]) >= {1.0, 5.0}  # type: ignore[call-overload]
-    assert max(off_in_u(analysis).values()) < 4.0
-
-
-def cut_off(one: TurnRecord, part: float) -> TurnRecord:
-    end = int(part * len(one.time_s))
-    return replace(
-        one,
-        time_s=one.time_s[:end],
-        rate_deg_per_s=one.rate_deg_per_s[:end],
-        encoder_deg=one.encoder_deg[:end],
-    )
-
-
-def test_with_the_turned_axis_alone_there_are_no_misalignments() -> None:
-    analysis = analyse(record(Setting(alone=True)), allan=False)
-    assert analysis.estimate("misalignment", "XY").value is None
-    flag = next(flag for flag in analysis.flags if flag.code == "not-identifiable")
-    assert len(flag.details["coefficients"]) == 6  # type: ignore[arg-type]
-    assert off_in_u(analysis)["scale_factor", "X"] < 3.5
-
-
-@pytest.mark.parametrize(("position", "really"), [(1, 2), (2, 1), (3, 1), (1, 4), (2, 5), (3, 6)])
-def test_a_wrong_position_is_found_and_left_out(position: int, really: int) -> None:
-    analysis = analyse(record(Setting(stands_as={position: really})), allan=False)
-    flags = [flag for flag in analysis.flags if flag.code == "wrong-position"]
-    assert [flag.details["position"] for flag in flags] == [position]
-    assert isinstance(flags[0].details["position"], int)
-    assert f"as in position {really}" in flags[0].message
-    for axis, name in enumerate("XYZ"):
-        assert abs(value(analysis, "bias", name) - BIAS[axis]) < 4 * total_u(analysis, "bias", name)
-
-
-def test_two_positions_in_the_place_of_each_other_are_both_found() -> None:
-    analysis = analyse(record(Setting(stands_as={1: 2, 2: 1})), allan=False)
-    wrong = [f.details["position"] for f in analysis.flags if f.code == "wrong-position"]
-    assert wrong == [1, 2]
-    assert max(off_in_u(analysis).values()) < 4.0
-
-
 def test_one_position_is_judged_alone_before_it_is_accepted() -> None:
     for position in (1, 2, 3):
         rates = expected_rates(position, LATITUDE_DEG) + BIAS
@@ -203,100 +149,6 @@ def test_one_position_is_judged_alone_before_it_is_accepted() -> None:
         assert not wrong.right
         assert wrong.stands_as == position
         assert wrong.why
-
-
-def test_a_skipped_position_costs_uncertainty_and_the_published_mean() -> None:
-    analysis = analyse(record(Setting(positions=(1, 3))), allan=False)
-    published = {one.axis: one.value for one in analysis.published if one.name == "bias"}
-    assert published["Y"] is None
-    assert {"position-missing", "published-rule-without-data"} <= codes(analysis)
-    assert max(off_in_u(analysis).values()) < 3.5
-
-
-def test_wild_and_missing_samples_leave_the_truth() -> None:
-    dataset = record(Setting(3, static_s=300))
-    generator = np.random.default_rng(5)
-    static = []
-    for one in dataset.static:
-        rate = one.rate_deg_per_h.copy()
-        rate[generator.random(len(rate)) < 0.05] += 500.0
-        there = generator.random(len(rate)) > 0.08
-        static.append(
-            replace(
-                one,
-                time_s=one.time_s[there],
-                rate_deg_per_h=rate[there],
-                acceleration_g=one.acceleration_g[there],
-            )
-        )
-    turns = []
-    for turn in dataset.turns:
-        rate = turn.rate_deg_per_s.copy()
-        rate[generator.random(len(rate)) < 0.05] += 0.5
-        encoder = turn.encoder_deg.copy()
-        encoder[len(encoder) // 2] += 77.0
-        turns.append(replace(turn, rate_deg_per_s=rate, encoder_deg=encoder))
-    analysis = analyse(replace(dataset, static=tuple(static), turns=tuple(turns)), allan=False)
-    assert {"outliers-rejected", "gap"} <= codes(analysis)
-    assert max(off_in_u(analysis).values()) < 4.0
-
-
-def test_samples_that_only_repeat_one_before_are_left_out() -> None:
-    dataset = record(Setting(3, static_s=300))
-    first, *others = dataset.static
-    rate, force = first.rate_deg_per_h.copy(), first.acceleration_g.copy()
-    rate[100:], force[100:] = rate[100] + 2.0, force[100]
-    frozen = replace(first, rate_deg_per_h=rate, acceleration_g=force)
-    analysis = analyse(replace(dataset, static=(frozen, *others)), allan=False)
-    (flag,) = [flag for flag in analysis.flags if flag.code == "frozen"]
-    assert flag.details == {"count": 199, "at_rest": 199, "turning": 0}
-    assert max(off_in_u(analysis).values()) < 4.0
-
-
-def saturated(dataset: NineAxisDataset, at: float, known: float | None) -> NineAxisDataset:
-    clipped = tuple(
-        replace(one, rate_deg_per_s=np.clip(one.rate_deg_per_s, -at, at)) for one in dataset.turns
-    )
-    return replace(dataset, turns=clipped, largest_rate_deg_per_s=known)
-
-
-@pytest.mark.parametrize("known", [80.0, None])
-def test_saturated_records_are_left_out_whether_or_not_the_range_is_known(
-    known: float | None,
-) -> None:
-    analysis = analyse(saturated(record(), 80.0, known), allan=False)
-    flag = next(flag for flag in analysis.flags if flag.code == "overload")
-    assert set(flag.details["rates"]) == {100.0, -100.0}  # type: ignore[call-overload]
-    assert "one-sense-only" in codes(analysis) or len(analysis.axes[0].commanded) == 4  # type: ignore[union-attr]
-    for axis, name in enumerate("XYZ"):
-        assert value(analysis, "scale_factor", name) == pytest.approx(SCALE[axis], abs=8e-6)
-
-
-def test_fewer_than_five_rates_are_analysed_and_said() -> None:
-    analysis = analyse(record(Setting(rates=(5.0, 50.0))), allan=False)
-    assert "outside-published-range" in codes(analysis)
-    assert off_in_u(analysis)["scale_factor", "X"] < 3.5
-
-
-def test_a_wandering_bias_widens_its_uncertainty() -> None:
-    dataset = record(Setting(static_s=600))
-    slow = 0.4 * np.sin(np.arange(600) / 90.0)
-    static = tuple(
-        replace(one, rate_deg_per_h=one.rate_deg_per_h + slow[:, None]) for one in dataset.static
-    )
-    analysis = analyse(replace(dataset, static=static), allan=False)
-    assert "bias-wanders" in codes(analysis)
-    assert total_u(analysis, "bias", "X") > 0.1
-
-
-def test_nothing_to_measure_gives_nulls_and_no_error() -> None:
-    dataset = record(Setting(positions=()))
-    analysis = analyse(dataset, allan=False)
-    assert analysis.estimate("bias", "X").value is None
-    assert "not-identifiable" in codes(analysis)
-    one_sense = tuple(one for one in dataset.turns if one.commanded_deg_per_s > 0)
-    analysis = analyse(replace(dataset, turns=one_sense), allan=False)
-    assert analysis.estimate("scale_factor", "X").value is None
 
 
 @pytest.mark.parametrize("rate", [1.0, -100.0, 50.0])

@@ -12,14 +12,12 @@ from nine_axis_records import (
     CROSS,
     PRIOR,
     Setting,
-    codes,
-    off_in_u,
     record,
 )
 
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.calibration import calibration_data, correction_of
-from procedures.nine_axis_calibration.dataset import NineAxisDataset, TurnRecord
+from procedures.nine_axis_calibration.dataset import NineAxisDataset
 from procedures.nine_axis_calibration.evaluate import prior_inputs
 from procedures.nine_axis_calibration.outlook import prior_of
 from procedures.nine_axis_calibration.parameters import Prior
@@ -82,63 +80,3 @@ def test_the_mounting_is_as_sure_as_the_tilt_unless_given() -> None:
     assert unsaid.table_axes_rad * ARCSEC == pytest.approx(10.0)
     said = prior_of(Prior.model_validate(given | {"mounting": "2 arcmin"}))
     assert said.mounting_rad == pytest.approx(2.0 * ARCMIN)
-
-
-def with_turn(dataset: NineAxisDataset, place: int, turn: TurnRecord) -> NineAxisDataset:
-    turns = list(dataset.turns)
-    turns[place] = turn
-    return replace(dataset, turns=tuple(turns))
-
-
-@pytest.mark.parametrize("at", [0, 1, 30, -2, -1])
-@pytest.mark.parametrize("error_deg", [0.1, -0.02, 150.0])
-def test_a_wild_reading_of_the_encoder_does_no_harm_wherever_it_is(
-    at: int, error_deg: float
-) -> None:
-    dataset = record(Setting(3))
-    place = next(n for n, one in enumerate(dataset.turns) if one.commanded_deg_per_s == 100.0)
-    turn = dataset.turns[place]
-    angle = turn.encoder_deg.copy()
-    angle[at] = np.mod(angle[at] + error_deg, 360.0)
-    analysis = analyse(with_turn(dataset, place, replace(turn, encoder_deg=angle)), allan=False)
-    assert max(off_in_u(analysis).values()) < 4.0
-    (flag,) = [one for one in analysis.flags if one.details.get("what") == "encoder"]
-    assert (flag.code, flag.axis, flag.details["count"]) == ("outliers-rejected", "X", 1)
-
-
-@pytest.mark.parametrize("rate", [100.0, -100.0, 10.0])
-@pytest.mark.parametrize("braking", [False, True])
-def test_spin_up_inside_a_record_is_left_out_and_flagged(rate: float, braking: bool) -> None:
-    dataset = record(Setting(4))
-    place = next(n for n, one in enumerate(dataset.turns) if one.commanded_deg_per_s == rate)
-    turn = dataset.turns[place]
-    count = len(turn.time_s)
-    share = 1.0 - np.exp(-(np.arange(count) + 0.5) / 0.6)
-    share = share[::-1] if braking else share
-    lost = rate * (share - 1.0)
-    output = turn.rate_deg_per_s.copy()
-    output[:, 0] += lost
-    angle = np.mod(turn.encoder_deg + np.cumsum(lost), 360.0)
-    slow = replace(turn, rate_deg_per_s=output, encoder_deg=np.round(angle, 5))
-    analysis = analyse(with_turn(dataset, place, slow), allan=False)
-    assert max(off_in_u(analysis).values()) < 4.0
-    (flag,) = [one for one in analysis.flags if one.code == "unsteady-rate"]
-    assert flag.axis == "X"
-    assert flag.details["rates"] == [rate]
-
-
-def test_noisy_coarse_and_wandering_encoders_are_not_called_wild_or_unsteady() -> None:
-    for seed in range(20):
-        generator = np.random.default_rng([seed, 9])
-        dataset = record(Setting(seed, static_s=60))
-        turns = []
-        for one in dataset.turns:
-            count = len(one.time_s)
-            wander = 1e-5 * one.commanded_deg_per_s * np.cumsum(generator.standard_normal(count))
-            noise = [0.0, 1e-3, 0.0][seed % 3] * generator.standard_normal(count)
-            angle = one.encoder_deg + wander * (seed % 2) + noise
-            angle = np.round(np.mod(angle, 360.0), [5, 5, 2][seed % 3])
-            turns.append(replace(one, encoder_deg=angle))
-        analysis = analyse(replace(dataset, turns=tuple(turns)), allan=False)
-        assert "unsteady-rate" not in codes(analysis), seed
-        assert not [one for one in analysis.flags if one.details.get("what") == "encoder"], seed

@@ -110,36 +110,6 @@ def test_a_field_source_with_its_own_clock_is_followed() -> None:
     assert off_in_u(analysis, "IA", 0.05) < 3.5
 
 
-def test_gaps_and_spikes_cost_little_and_are_reported() -> None:
-    segment = record(3)
-    wild = segment.rate_deg_per_h.copy()
-    wild[[50, 51, 900, 1400]] += [30.0, -80.0, 1e5, 9.0]
-    stays = np.ones(len(wild), dtype=bool)
-    stays[300:420] = False
-    damaged = replace(segment, rate_deg_per_h=wild[stays], time_s=segment.time_s[stays])
-    analysis = analysed(damaged)
-    assert off_in_u(analysis, "IA", 0.05) < 3.5
-    flags = {flag.code: flag for flag in analysis.flags}
-    assert set(flags) == {"outliers-rejected", "gap"}
-    assert flags["outliers-rejected"].details["count"] == 4
-    assert flags["gap"].details["missing_samples"] == 120
-    assert analysis.published[0].value is None
-
-
-def test_drift_is_removed_and_said() -> None:
-    time_s = np.linspace(-1.0, 1.0, 2100)
-    for drift in (3.0 * time_s, np.exp(-2.0 * time_s), 2.0 * time_s**3 - time_s**2):
-        analysis = analysed(record(4, cycles=21.0, drift=drift))
-        assert off_in_u(analysis, "IA", 0.05) < 3.5
-        assert codes(analysis) == {"drift-removed"}
-
-
-def test_output_that_the_model_cannot_follow_is_called_out() -> None:
-    time_s = np.arange(2000) * 0.1
-    hum = 0.5 * np.sign(np.sin(2.0 * np.pi * 0.031 * time_s))
-    assert "model-too-stiff" in codes(analysed(record(0, drift=hum)))
-
-
 def test_a_delay_shows_in_quadrature() -> None:
     analysis = analysed(record(0, delay_s=1.0, sigma=0.02))
     assert codes(analysis) == {"quadrature-significant"}

@@ -25,8 +25,6 @@ from procedures.rlg_magnetic_sensitivity.frequencies import (
 )
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Stop
 from procedures.rlg_magnetic_sensitivity.records import all_records, sensitivity_records
-from procedures.rlg_magnetic_sensitivity.settings import AnalysisSettings
-from procedures.rlg_magnetic_sensitivity.steadiness import background, flags_of, repeated
 from procedures.rlg_magnetic_sensitivity.stopping import (
     Standing,
     is_enough,
@@ -163,28 +161,6 @@ def test_a_record_goes_on_until_every_axis_is_known_or_clear() -> None:
     almost = [Standing("IA", 0.0, 0.003)]
     assert samples_at_next_look(almost, target, planned, 10000) == 10800
     assert samples_at_next_look([far], target, planned, 35000) == planned.most == 36000
-
-
-def test_a_response_that_is_not_in_proportion_is_told() -> None:
-    whole, half = record(1, sigma=0.02), record(2, sigma=0.02, drive={"IA": Drive(0.1, 0.5)})
-    bent = record(2, {"IA": 0.08}, sigma=0.02, drive={"IA": Drive(0.1, 0.5)})
-    first = analysed(whole)
-    for again, told in ((half, False), (bent, True)):
-        tested = list(repeated("linearity", first, analysed(again), [again], 3.0))
-        assert [one.code for one in flags_of(tested)] == ["not-linear"] * told
-        assert tested[0].to_data()["amplitude_mT"] == 0.5
-
-
-def test_a_line_without_field_is_told() -> None:
-    quiet = record(1, {"IA": 0.0}, sigma=0.02)
-    for shaken, told in ((0.0, False), (0.05, True)):
-        hum = shaken * np.sin(2 * np.pi * 0.1 * quiet.time_s)
-        segment = replace(
-            quiet, drive={"IA": Drive(0.1, 0.0)}, rate_deg_per_h=quiet.rate_deg_per_h + hum
-        )
-        tested = list(background(segment, 1.0, AnalysisSettings()))
-        assert [one.code for one in flags_of(tested)] == ["background-line"] * told
-    assert tested[0].value == pytest.approx(0.05, abs=0.01)
 
 
 def test_a_beat_of_the_pulses_is_told_with_what_would_help() -> None:

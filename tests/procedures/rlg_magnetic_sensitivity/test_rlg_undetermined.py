@@ -16,15 +16,6 @@ from procedures.rlg_magnetic_sensitivity.spectrum_plot import spectrum
 Array = NDArray[np.float64]
 
 
-def not_identifiable(segment: Segment) -> str:
-    analysis = analysed(segment)
-    assert analysis.estimates[0].value is None
-    assert analysis.estimates[0].standard_uncertainty is None
-    flags = [f for f in analysis.flags if f.code == "not-identifiable"]
-    assert [f.axis for f in flags] == ["IA"]
-    return flags[0].message
-
-
 def cut(segment: Segment, count: int) -> Segment:
     return replace(
         segment,
@@ -33,31 +24,6 @@ def cut(segment: Segment, count: int) -> Segment:
         field_time_s=segment.field_time_s[:count],
         field_mT=segment.field_mT[:count],
     )
-
-
-def test_what_the_data_cannot_tell_is_undetermined_and_never_guessed() -> None:
-    good = record(0)
-    silent = np.tile([0.01, -0.03, 0.02], (len(good.field_time_s), 1))
-    assert "shows no line" in not_identifiable(replace(good, field_mT=silent))
-    noisy = silent + 1e-3 * np.random.default_rng(0).standard_normal(silent.shape)
-    assert "shows no line" in not_identifiable(replace(good, field_mT=noisy))
-    fast = record(0, drive={"IA": Drive(0.46, 1.0)}, interval_s=1.0, cycles=92.0)
-    assert "half the sampling rate" in not_identifiable(
-        replace(fast, field_time_s=good.field_time_s, field_mT=_sine(good.field_time_s, 0.46))
-    )
-    assert "cycles" in not_identifiable(cut(good, 250))
-    assert "too few" in not_identifiable(cut(good, 6))
-    assert "too few" in not_identifiable(cut(good, 0))
-    stuck = np.full(len(good.time_s), 9.3)
-    assert "never changes" in not_identifiable(replace(good, rate_deg_per_h=stuck))
-    assert "less than half" in not_identifiable(
-        replace(good, field_time_s=good.field_time_s + 150.0)
-    )
-
-
-def _sine(time_s: Array, frequency_Hz: float) -> Array:
-    wave = np.sin(2.0 * np.pi * frequency_Hz * time_s)
-    return np.column_stack((wave, 0.0 * wave, 0.0 * wave))
 
 
 def test_an_axis_that_cannot_be_had_does_not_take_the_others_with_it() -> None:
@@ -73,18 +39,6 @@ def test_twice_the_frequency_beyond_half_the_rate_is_left_out() -> None:
     analysis = analysed(record(0, drive={"IA": Drive(0.3, 1.0)}, interval_s=1.0, cycles=90.0))
     assert analysis.lines[0].quadratic is None
     assert off_in_u(analysis, "IA", 0.05) < 3.5
-
-
-def test_axes_driven_alike_cannot_be_told_apart() -> None:
-    drive = {"IA": Drive(0.1, 1.0), "NA": Drive(0.1, 1.0), "LA": Drive(0.17, 1.0)}
-    segment = record(0, TRUTH, drive)
-    together = segment.field_mT.copy()
-    together[:, 1] = together[:, 0] * 1.0001
-    analysis = analysed(replace(segment, field_mT=together))
-    values = {e.axis: e.value for e in analysis.estimates}
-    assert values["IA"] is None and values["NA"] is None and values["LA"] is not None
-    assert {f.axis for f in analysis.flags if f.code == "not-identifiable"} == {"IA", "NA"}
-    assert analysis.covariance.shape == (1, 1)
 
 
 def test_axes_driven_alike_but_a_quarter_turn_apart_can_be() -> None:

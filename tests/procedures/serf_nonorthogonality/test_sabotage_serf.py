@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from serf_shots import Cell
 
-from benchmarks.sabotage import analysed, clean_runs, error_u, faults_of
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset
 from procedures.serf_nonorthogonality.precession import saturated_samples
 
 COILS, RESIDUAL = (1.010, 0.995, 1.008), (1.0, -0.6, 0.8)
-FAULTS = {one.name: one for one in faults_of("serf-nonorthogonality")}
 
 
 def pull(analysis: SerfAnalysis, name: str, axis: str | None, truth: float) -> float:
@@ -115,81 +113,6 @@ def test_a_chirp_too_weak_to_be_seen_moves_no_slowing_down_factor() -> None:
     assert abs(np.mean(pulls)) < 1.5
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "known coils, all off by 1 %",
-        "a commanded sign is wrong",
-        "opposite polarities exchanged",
-        "pick-up 50 Hz not stated",
-        "field droops",
-        "rows lost unseen, few",
-        "recorder stands still",
-        "light goes off late",
-        "stamps 0.5 % too fast",
-        "gyromagnetic ratio off",
-        "wrong isotope",
-        "pump and probe exchanged",
-        "stamps begin at 1 s",
-    ],
-)
-def test_a_planted_fault_is_named(name: str) -> None:
-    fault = FAULTS[name]
-    assert {flag["code"] for flag in analysed(fault.planted(0))["flags"]} & fault.flags
-
-
-@pytest.mark.parametrize(
-    "name, shots",
-    [
-        ("output inverted for the first half", [f"s{k:02d}" for k in range(1, 8)]),
-        ("coil x the other way in pairs xy", ["s02", "s05", "s08", "s11"]),
-    ],
-)
-def test_shots_with_the_wrong_sign_are_named(name: str, shots: list[str]) -> None:
-    made = FAULTS[name].planted(1)
-    document = analysed(made)
-    assert error_u(made, document["results"]) > 8.0
-    (flag,) = (one for one in document["flags"] if one.get("statement") == "shots")
-    every = {f"s{k:02d}" for k in range(1, 15)}
-    assert set(flag["shots"]) <= set(shots) or set(flag["shots"]) <= every - set(shots)
-    assert len(flag["shots"]) >= 3
-
-
-@pytest.mark.parametrize(
-    "name, told",
-    [
-        ("coil y the other way in pairs xy", ["coil y was reversed in the shots of xy"]),
-        ("pairs xy taken with the coils xz", ["the shots of xy were taken with the coils xz"]),
-        ("pairs exchanged", ["s02 and s03 stand under each other's names"]),
-    ],
-)
-def test_what_was_probably_commanded_is_named_where_shots_disagree(
-    name: str, told: list[str]
-) -> None:
-    document = analysed(FAULTS[name].planted(1))
-    flags = [one for one in document["flags"] if one.get("statement") == "shots"]
-    (message,) = (one["message"] for one in flags if "Chi-square" in one["message"])
-    assert all(one in message for one in told)
-    assert "shots-disagree" in {one["code"] for one in document["flags"]}
-
-
-def test_fields_that_were_not_steady_are_no_other_statement() -> None:
-    for name in ("nuclei precess", "supplies sag in pairs"):
-        flags = analysed(FAULTS[name].planted(1))["flags"]
-        assert "shots-disagree" in {one["code"] for one in flags}, name
-        assert not [one for one in flags if one.get("statement") == "shots"], name
-
-
-@pytest.mark.parametrize(
-    "name, how", [("the cell warms", "faster"), ("the vapour grows denser", "more slowly")]
-)
-def test_tones_that_fade_less_and_less_alike_are_named(name: str, how: str) -> None:
-    flags = analysed(FAULTS[name].planted(0))["flags"]
-    (flag,) = (one for one in flags if "fading" in one)
-    assert flag["code"] == "misfit" and abs(flag["fading"]) > 0.02
-    assert f"% {how} than that of the first" in flag["message"]
-
-
 @pytest.mark.parametrize("polarisation", [0.05, 0.5])
 def test_tones_of_a_steady_cell_fade_alike(polarisation: float) -> None:
     pulls = []
@@ -198,27 +121,3 @@ def test_tones_of_a_steady_cell_fade_alike(polarisation: float) -> None:
         assert found is not None and np.isfinite(found.fading_u)
         pulls.append(found.fading / found.fading_u)
     assert np.max(np.abs(pulls)) < 4.0
-
-
-@pytest.mark.parametrize("late_s", [0.0, 6e-4])
-def test_an_output_that_is_inverted_throughout_is_no_wrong_sign(late_s: float) -> None:
-    dataset = Cell(residual_nT=RESIDUAL, polarisation=0.4, delay_s=late_s).dataset(1)
-    turned = [replace(one, voltage_V=-one.voltage_V) for one in dataset.shots]
-    assert "shots" not in statements(analyse(replace(dataset, shots=turned)))
-
-
-def test_clean_shots_of_every_kind_raise_no_flag_of_a_fault() -> None:
-    for one in clean_runs("serf-nonorthogonality", 11):
-        assert not one["false"] and one["error_u"] < 4.5, one
-
-
-def test_a_shot_that_all_others_contradict_is_left_out_and_named() -> None:
-    dataset = Cell(residual_nT=RESIDUAL).dataset(0)
-    shots = list(dataset.shots)
-    shots[5] = replace(shots[5], field_nT=shots[5].field_nT * np.array([1.0, 1.0, -1.0]))
-    analysis = analyse(replace(dataset, shots=shots))
-    assert [shot.name for shot in analysis.shots if not shot.used] == ["s06"]
-    said = next(flag.message for flag in analysis.flags if flag.code == "shot-rejected")
-    assert "commanded field is wrong" in said
-    for pair, angle in zip(("xy", "xz", "yz"), Cell().angles_deg, strict=True):
-        assert abs(pull(analysis, "nonorthogonality_angle", pair, angle)) < 4.0

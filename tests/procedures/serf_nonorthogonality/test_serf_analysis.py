@@ -12,7 +12,7 @@ from serf_shots import FOUR, Cell, bound_of_frequency
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.angles import solve
 from procedures.serf_nonorthogonality.checks import closed_form, published_angles
-from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset, Shot
+from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset
 
 RESIDUAL, COILS = (1.0, -0.6, 0.8), (1.010, 0.995, 1.008)
 GAMMA = 2.0 * np.pi * 28.02495
@@ -183,26 +183,6 @@ def test_four_shots_with_known_coils_give_angles_and_no_residual_field() -> None
     assert sensitivities["trigger_delay_s"] == 0.0
 
 
-def test_four_shots_with_nominal_coils_give_only_the_published_angles() -> None:
-    analysis = analyse(Cell(pattern=FOUR).dataset(4))
-    for name, axes in (
-        ("nonorthogonality_angle", ("xy", "xz", "yz")),
-        ("coil_factor", "xyz"),
-        ("residual_field", "xyz"),
-    ):
-        assert [analysis.estimate(name, axis).value for axis in axes] == [None] * 3
-    assert all(one.value is not None for one in analysis.published)
-    assert "only with the coil constants known" in said(analysis, "not-identifiable")
-
-
-def test_a_field_that_the_nuclei_left_is_found_and_flagged() -> None:
-    cell = Cell(residual_nT=(0.0, 0.0, 12.0))
-    analysis = analyse(cell.dataset(5))
-    assert analysis.residual_field_nT == pytest.approx(12.0, abs=0.1)
-    assert "depolarise the nuclei" in said(analysis, "residual-field-large")
-    assert np.all(np.abs(angles(analysis) - cell.angles_deg) < 0.03)
-
-
 def test_a_field_that_moves_from_shot_to_shot_enlarges_the_uncertainty() -> None:
     dataset, moved = Cell().dataset(6), Cell(residual_nT=(0.4, 0.3, 0.2)).dataset(6)
     mixed = [(moved if k % 3 == 0 else dataset).shots[k] for k in range(14)]
@@ -211,45 +191,6 @@ def test_a_field_that_moves_from_shot_to_shot_enlarges_the_uncertainty() -> None
     assert "shots-disagree" not in codes(still)
     one, other = (a.estimates[0].standard_uncertainty for a in (still, analysis))
     assert one is not None and other is not None and other > 2.0 * one
-
-
-def test_few_cycles_are_flagged_and_fewer_than_one_is_refused_with_a_field_that_would_do() -> None:
-    few = analyse(Cell(relaxation=1200.0).dataset(7))
-    assert "few-cycles" in codes(few)
-    fewer = analyse(Cell(relaxation=1200.0, field_nT=38.0).dataset(7))
-    refused = [shot for shot in fewer.shots if not shot.used]
-    assert [shot.name for shot in refused] == ["s01", "s14"]
-    assert "nT in x would give 1.5" in said(fewer, "shot-rejected")
-    assert all(one.value is not None for one in fewer.estimates[:3])
-
-
-def test_saturated_samples_are_left_out_and_flagged() -> None:
-    dataset = Cell().dataset(8)
-    volts = np.clip(dataset.shots[0].voltage_V, -0.9, 0.9)
-    for change in ({}, {"full_scale_V": 0.9}):
-        analysis = analyse(changed(dataset, 0, volts, **change))
-        assert "overload" in codes(analysis)
-        assert np.all(np.abs(angles(analysis) - (91.2, 88.9, 90.6)) < 5.0 * bound_deg(Cell()))
-    lost = analyse(changed(dataset, 0, np.clip(volts, -0.05, 0.05), full_scale_V=0.05))
-    assert "saturated" in said(lost, "shot-rejected")
-
-
-def test_a_shot_with_pump_light_is_not_used() -> None:
-    dataset = Cell().dataset(9)
-    leaking = Cell(relaxation=330.0).dataset(9).shots[5]
-    analysis = analyse(changed(dataset, 5, leaking.voltage_V))
-    assert "pump light leaked" in said(analysis, "shot-rejected")
-    assert not analysis.shots[5].used
-    assert np.all(np.abs(angles(analysis) - (91.2, 88.9, 90.6)) < 5.0 * bound_deg(Cell()))
-
-
-def test_a_record_that_is_noise_alone_is_refused_or_flagged() -> None:
-    noise = np.random.default_rng(1).standard_normal(1000)
-    shot = Shot("noise", np.array([50.0, 0.0, 0.0]), np.arange(1000) / 1e4, noise)
-    dataset = replace(Cell(known=True).dataset(0), shots=[shot])
-    analysis = analyse(dataset)
-    assert all(one.value is None for one in analysis.estimates[:3])
-    assert "not-identifiable" in codes(analysis)
 
 
 def test_a_wrong_unit_of_the_gyromagnetic_ratio_shows_in_the_factor() -> None:
