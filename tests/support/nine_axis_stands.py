@@ -66,13 +66,14 @@ class Bench:
 
     def data(self) -> OtherAxes:
         """Return what the bench records."""
-        prior = DatasetPrior(
-            heading="10 arcmin",
-            relative_heading="0.5 arcmin",
-            tilt=f"{self.tilt_arcmin} arcmin",
-            accelerometer_bias="0.001 g",
-            edge=f"{self.edge_deg} deg",
-        )
+        stated = {
+            "heading": "10 arcmin",
+            "relative_heading": "0.5 arcmin",
+            "tilt": f"{self.tilt_arcmin} arcmin",
+            "accelerometer_bias": "0.001 g",
+            "edge": f"{self.edge_deg} deg",
+        }
+        prior = DatasetPrior.model_validate(stated)
         axis_lean = self.draw.normal(0.0, np.radians(self.tilt_arcmin / 60.0))
         rests = [self._rest(prior, word) for word in ("Z", *self.poses)]
         mountings = [self._mounting(prior, word, axis_lean) for word in self.turned]
