@@ -13,57 +13,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import random
 import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from commissioning_parts import bench_plan_of, whole_plan_of
-from commissioning_plants import ALL_PLANTS
-from plan_runs import run_of, shipped_bench
-from plants import BOTH, Plant, is_named, named
-
-from station.runner.outcome import Outcome
-
-
-@dataclass(frozen=True)
-class Case:
-    """A whole bench that is healthy, or one with a planted fault."""
-
-    bench: str
-    plant: Plant | None = None
-
-    @property
-    def name(self) -> str:
-        """What is tried."""
-        return f"{self.bench} {self.plant.name if self.plant else 'healthy'}"
-
-
-def cases() -> Iterator[Case]:
-    """Yield each fault on each bench that has what it needs, then the healthy benches."""
-    for plant in ALL_PLANTS:
-        for bench in plant.benches:
-            yield Case(bench, plant)
-    for bench in BOTH:
-        yield Case(bench)
-
-
-def commission(case: Case, seed: int, folder: Path) -> tuple[bool, Outcome]:
-    """Run a case at a seed; returns whether it came out as it should."""
-    bench = shipped_bench(case.bench)
-    bench["simulation"]["seed"] = seed
-    if case.plant is None:
-        outcome = run_of(folder, bench_plan_of(case.bench), bench)
-        return outcome.exit_code == 0 and named(outcome) == set(), outcome
-    expected = case.plant.plant(bench, random.Random(f"{seed} {case.name}"))
-    outcome = run_of(folder, whole_plan_of(case.plant.part, case.bench), bench)
-    return is_named(outcome, expected), outcome
+from campaigns.planted.commissioning import Case, cases, commission, named
 
 
 def measure(case: Case, first: int, runs: int) -> dict[str, object]:

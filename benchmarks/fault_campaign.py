@@ -24,9 +24,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from fault_cases import BENCH, all_cases, plans, reference_run
-from fault_oracle import Verdict, judge
-from fault_runs import run_case
+from campaigns.faults import Verdict, all_cases, judged, plans, reference_run
+from short_forms import BENCH
 
 
 def main() -> None:
@@ -52,8 +51,7 @@ def campaign(plan: str, folder: Path, part: int, parts: int, arguments: argparse
         if number % parts != part - 1:
             continue
         place = folder / f"case-{number}"
-        ended = run_case(case, entry, place)
-        verdict = judge(case, entry, ended, reference)
+        verdict = judged(case, entry, reference, place)
         verdicts.append(verdict)
         if verdict.violations or arguments.all_lines:
             print(json.dumps(line_of(verdict, entry)), flush=True)

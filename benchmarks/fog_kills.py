@@ -33,10 +33,10 @@ from scipy.interpolate import CubicSpline
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from campaign_helpers import only_run
+from campaigns.kills import raw_hashes
+from campaigns.truths import fog_curve_off
 from command_line import station_command
-from fault_truths import fog_curve_off
 from plan_runs import shipped_bench
-from resume_helpers import raw_hashes
 
 from station.record.folder import RunFolder
 

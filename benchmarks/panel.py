@@ -25,8 +25,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from command_line import station_command
-from kill_helpers import served_bench
 from panel_server import free_port
+from served_bench import served_bench
 
 from station.record.run_names import runs_below
 

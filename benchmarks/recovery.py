@@ -26,7 +26,7 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from fault_truths import TRUTHS, fog_curve_off
+from campaigns.truths import TRUTHS, fog_curve_off
 
 from station import registry
 from station.files.lookup import BENCHES, PLANS, find

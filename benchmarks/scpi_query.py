@@ -21,7 +21,7 @@ import pyvisa
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from kill_helpers import served_bench
+from served_bench import served_bench
 
 from drivers.transport.visa_line import VisaLine
 from station.clock import RealClock

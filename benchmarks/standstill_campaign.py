@@ -35,9 +35,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
-from fault_cases import plans, steps
-from standstill_cases import ATTACKS, Case
-from standstill_oracle import Observed, attack
+from campaigns.faults import plans, steps
+from campaigns.standstill.cases import ATTACKS, Case
+from campaigns.standstill.oracle import Observed, attack
 from user_space_disk import why_not
 
 SHUFFLED_BY = 15

@@ -8,24 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-from fault_cases import (
+from campaigns.faults import (
     FIRST,
     LASTING,
     MIDDLE,
     Case,
     Reference,
     all_cases,
+    judged,
     plans,
     reference_run,
     roles_and_kinds,
     steps,
 )
-from fault_oracle import Verdict, judge
-from fault_runs import run_case
-from fault_truths import TRUTHS
+from campaigns.truths import TRUTHS
 
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.lasting import LASTING_FAULTS
@@ -85,10 +83,6 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Referred:
     return of
 
 
-def judged(case: Case, entry: dict[str, Any], reference: Reference, folder: Path) -> Verdict:
-    return judge(case, entry, run_case(case, entry, folder / "case"), reference)
-
-
 @pytest.mark.parametrize(
     ("plan", "role", "kind"),
     [
@@ -109,7 +103,7 @@ def test_every_kind_of_fault_ends_in_order(
     ]
     assert possible, "no message of the run can have this fault"
     case, entry = possible[STRIDE * KINDS.index((plan, role, kind)) % len(possible)]
-    verdict = judged(case, entry, ran, tmp_path)
+    verdict = judged(case, entry, ran, tmp_path / "case")
     assert not verdict.violations, (str(case), entry, verdict)
 
 
@@ -133,7 +127,7 @@ def test_a_fault_of_a_second_model_ends_in_order(
     ]
     assert possible, "no message of the run can have this fault"
     case, entry = possible[STRIDE * ON_ALTERNATE.index((role, kind)) % len(possible)]
-    verdict = judged(case, entry, alternate, tmp_path)
+    verdict = judged(case, entry, alternate, tmp_path / "case")
     assert not verdict.violations, (str(case), entry, verdict)
 
 
@@ -165,7 +159,7 @@ def test_a_fault_in_any_step_ends_in_order(
         if (entry := ran.entry(case := Case(plan, name, kind, step, placement))) is not None
     ]
     case, entry = places[STRIDE * STEPS.index((plan, step)) % len(places)]
-    verdict = judged(case, entry, ran, tmp_path)
+    verdict = judged(case, entry, ran, tmp_path / "case")
     assert not verdict.violations, (str(case), entry, verdict)
 
 
@@ -178,14 +172,14 @@ def test_a_run_without_a_fault_breaks_no_promise(
     # A fault that never comes: the oracle finds nothing where nothing happens.
     name = next(iter(ran.instruments))
     entry = {"instrument": name, "fault": "port-gone", "at": "1000 h"}
-    verdict = judged(Case(plan, name, "port-gone", "S1", "never"), entry, ran, tmp_path)
+    verdict = judged(Case(plan, name, "port-gone", "S1", "never"), entry, ran, tmp_path / "case")
     assert not verdict.struck
     assert verdict.exit_code == ran.outcome.exit_code
     assert not verdict.violations
 
 
 def test_every_procedure_in_the_campaign_says_what_is_true() -> None:
-    from fault_cases import BENCH, read_bench_at, short
+    from short_forms import BENCH, read_bench_at, short
 
     from station.files.lookup import BENCHES, find
 

@@ -8,8 +8,7 @@ import struct
 from typing import Any
 
 import pytest
-from fault_helpers import BOARD, START, STOP, SUPPLY, RawLine, board_with, faulty, line_with
-from sim_bench import counts
+from sim_bench import BOARD, START, STOP, SUPPLY, RawLine, board_with, counts, faulty, line_with
 
 from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.truth import SimulationError

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fault_helpers import GAUSSMETER, START, SUPPLY, board_with, faulty, line_with
-from sim_bench import Line, counts
+from sim_bench import GAUSSMETER, START, SUPPLY, Line, board_with, counts, faulty, line_with
 
 
 def test_a_frozen_supply_shows_the_last_current_for_ever() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fault_truths import TRUTHS
+from campaigns.truths import TRUTHS
 from fog_fixture import BENCH
 from keysight_fixture import standing
 from plan_runs import run_of, shipped_bench, shipped_plan

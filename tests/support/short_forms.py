@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from commissioning_parts import only
+from quick_yaml import load_yaml
+
+from station import registry
+from station.cli.validating import read_plan_for
+from station.files.lookup import BENCHES, PLANS, find
+from station.files.plan import Plan
+from station.instruments.bench import Bench, read_bench
 
 SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
     "rlg-magnetic-sensitivity": (
@@ -91,3 +100,21 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
 }
 """What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a
 procedure's plan joins the campaign by an entry."""
+BENCH = "sim"
+
+
+def bench_data(bench: str = BENCH) -> dict[str, Any]:
+    """Return the data of a simulated bench."""
+    data: dict[str, Any] = load_yaml(find(BENCHES, bench).read_text(encoding="utf-8"))
+    return data
+
+
+def read_bench_at(path: Path) -> Bench:
+    """Return the bench of a file."""
+    return read_bench(path, registry.names(registry.DRIVERS))
+
+
+def short(plan: str, bench: Bench) -> Plan:
+    """Return a shipped plan in its short form; raises FaultList where it cannot run."""
+    name = load_yaml(find(PLANS, plan).read_text(encoding="utf-8")).get("procedure", "")
+    return read_plan_for(plan, bench, SHORT_FORMS.get(plan, SHORT_FORMS.get(str(name), ())))

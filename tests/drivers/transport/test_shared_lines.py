@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from fault_truths import fog_curve_ppm
+from campaigns.truths import fog_curve_ppm
 from fog_runs import short_run
 from interlock_helpers import CHAIN, bench_from, bench_with, watched
 from plan_runs import shipped_bench

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kill_helpers import served_bench
+from campaigns.kills import warmth_K
 from plan_runs import run_of, shipped_bench, shipped_plan
-from resume_helpers import warmth_K
+from served_bench import served_bench
 
 from procedures.accelerometer_magnetic_sensitivity.outlook import expectation, outlook
 from station.cli.analysing import analyse_run

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import Plant, named
-from plants_chamber import PLANTS
 
 from procedures.commissioning.chamber import limits
 from procedures.commissioning.chamber.analysis import lag_of
@@ -35,17 +33,6 @@ def test_a_healthy_chamber_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     ]
     assert {one["axis"] for one in gains} == {"x", "y", "z"}
     assert all(abs(one["value"] - 1.0) < 0.05 for one in gains)
-
-
-@pytest.mark.parametrize("seed", [101])
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
-    bench, rng = shipped_bench("sim"), random.Random(seed)
-    bench["simulation"]["seed"] = seed
-    cause = plant.plant(bench, rng)
-    outcome = run_of(tmp_path / "run", short_plan(), bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_a_lag_of_a_ramp_stays_behind_by_its_time_constant() -> None:

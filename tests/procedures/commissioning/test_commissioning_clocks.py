@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import numpy as np
-import pytest
+from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
 from plan_runs import run_of, shipped_bench
-from plants import Plant, named
-from plants_clocks import PLANTS
 
 from procedures.commissioning.clocks.analysis import clock_estimate, clock_flags
-
-
-@pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_clock_that_is_off_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
-    bench, plan = shipped_bench(), plan_of(plant.part)
-    plan["parameters"]["gyro"] |= {"warm_up": "60 s", "record": "120 s"}
-    cause = plant.plant(bench, random.Random(seed))
-    outcome = run_of(tmp_path, plan, bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_the_shipped_clock_raises_no_alarm(tmp_path: Path) -> None:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import pytest
+from campaigns.planted.commissioning import named
 from commissioning_parts import whole_plan_of
-from fault_cases import read_bench_at
 from plan_runs import run_of, shipped_bench
-from plants import Plant, named
-from plants_contacts import PLANTS
 from quick_yaml import dump_yaml
+from short_forms import read_bench_at
 
 from procedures.commissioning.contacts import door_is_free
 from procedures.commissioning.contacts.analysis import analyse_door
@@ -29,15 +27,6 @@ def test_healthy_contacts_raise_no_alarm(bench: str, tmp_path: Path) -> None:
         for one in RunFolder(outcome.folder).events_of("contact-test-finished")
     ]
     assert tested == {"sim": ["e-stop", "door"], "sim-alternate": ["thermal_chamber door"]}[bench]
-
-
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant) -> None:
-    bench = shipped_bench()
-    cause = plant.plant(bench, random.Random(1))
-    outcome = run_of(tmp_path, whole_plan_of("contacts"), bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_a_contact_that_follows_once_is_loose() -> None:

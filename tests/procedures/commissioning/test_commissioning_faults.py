@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 from typing import Any
 
 import pytest
+from campaigns.planted.commissioning import named
 from commissioning_parts import AMBIENT, plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import Plant, is_named, named
-from plants_coils import PLANTS
 
 from procedures.commissioning.coils import limits
 from procedures.commissioning.figures import draw_parts
@@ -38,14 +36,6 @@ def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, bench: str, turned: boo
     ]
     assert {one["axis"] for one in ratios} == {"x", "y", "z"}
     assert all(abs(one["value"] - 1.0) < 3 * one["standard_uncertainty"] for one in ratios)
-
-
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant) -> None:
-    bench = shipped_bench()
-    cause = plant.plant(bench, random.Random(1))
-    outcome = commissioned(tmp_path / "run", bench)
-    assert is_named(outcome, cause), (named(outcome), outcome.error)
 
 
 def test_without_an_ambient_field_both_causes_of_a_sign_are_named(tmp_path: Path) -> None:

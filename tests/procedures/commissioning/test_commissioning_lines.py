@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns.planted.commissioning import TRIES, faulty, named
 from commissioning_parts import whole_plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import Plant, named
-from plants_lines import PLANTS, TRIES, faulty
 
 from procedures.commissioning.lines import limits
 from procedures.commissioning.lines.analysis import Answers, Kept, analyse
@@ -34,17 +32,6 @@ def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     assert outcome.document is not None
     asked = {one["axis"] for one in outcome.document.to_data()["results"]}
     assert {"coil_supply.x", "gaussmeter", "turntable", "thermal_chamber"} <= asked
-
-
-@pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
-    bench, rng = shipped_bench("sim"), random.Random(seed)
-    bench["simulation"]["seed"] = seed
-    cause = plant.plant(bench, rng)
-    outcome = run_of(tmp_path / "run", whole_plan_of("lines"), bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_an_instrument_that_is_pulled_and_plugged_in_answers_again(tmp_path: Path) -> None:

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from campaigns.planted.commissioning import Plant, named, plants_of
 from commissioning_parts import plan_of
-from fault_cases import read_bench_at
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import Plant, named
-from plants_motion import PLANTS
 from quick_yaml import dump_yaml
+from short_forms import read_bench_at
 from tiers import quick
 
 from procedures.commissioning.motion import MOTION_PART, limits
@@ -49,7 +48,9 @@ def with_a_navigator_alone(bench: dict[str, Any]) -> dict[str, Any]:
     return bench
 
 
-@pytest.mark.parametrize("plant", [None, *PLANTS[:3]], ids=lambda one: one.name if one else "none")
+@pytest.mark.parametrize(
+    "plant", [None, *plants_of("motion")[:3]], ids=lambda one: one.name if one else "none"
+)
 def test_a_navigator_stands_in_for_a_sensor(tmp_path: Path, plant: Plant | None) -> None:
     bench = with_a_navigator_alone(shipped_bench("sim"))
     causes = set() if plant is None else {plant.plant(bench, random.Random(4))}
@@ -59,17 +60,6 @@ def test_a_navigator_stands_in_for_a_sensor(tmp_path: Path, plant: Plant | None)
     plan = short_plan()
     plan["parameters"]["motion"]["device"] = "navigator"
     assert named(run_of(tmp_path / "run", plan, bench)) == causes
-
-
-@pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
-    bench, rng = shipped_bench("sim"), random.Random(seed)
-    bench["simulation"]["seed"] = seed
-    cause = plant.plant(bench, rng)
-    outcome = run_of(tmp_path / "run", short_plan(), bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import yaml
-from fault_cases import read_bench_at
 from plan_runs import shipped_bench
+from short_forms import read_bench_at
 
 from procedures.commissioning import PARTS, PROCEDURE
 from procedures.commissioning.coils import COIL_PART

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from campaigns.planted.commissioning import named, plants_of
 from commissioning_parts import plan_of
-from fault_cases import read_bench_at
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import named
-from plants_pick_up import PLANTS
+from short_forms import read_bench_at
 
 from procedures.commissioning.pick_up import is_possible, limits
 from procedures.commissioning.pick_up.analysis import PickUpDataset, Readings, analyse
@@ -35,7 +34,8 @@ def test_healthy_leads_raise_no_alarm(tmp_path: Path) -> None:
 def test_pick_up_is_named_with_its_size(tmp_path: Path, seed: int) -> None:
     bench, rng = shipped_bench(), random.Random(seed)
     bench["simulation"]["seed"] = seed
-    cause = PLANTS[0].plant(bench, rng)
+    (plant,) = plants_of("pick_up")
+    cause = plant.plant(bench, rng)
     outcome = run_of(tmp_path / "run", short_plan(), bench)
     assert named(outcome) == {cause}
     assert outcome.exit_code == 1

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
-from fault_cases import read_bench_at
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import named
-from plants_probe import PLANTS
+from short_forms import read_bench_at
 
 from procedures.commissioning.probe import is_possible, limits
 from procedures.commissioning.probe.analysis import ProbeDataset, analyse, pair_field
@@ -42,16 +40,6 @@ def test_the_shipped_probe_raises_no_alarm_and_its_place_is_measured(tmp_path: P
         assert abs(one["value"] - mm) < 3 * one["standard_uncertainty"]
         assert one["standard_uncertainty"] < 3.0
         assert abs(found["probe_field_error", axis]["value"]) < 0.001
-
-
-@pytest.mark.parametrize("seed", [1])
-def test_a_probe_off_centre_is_named_alone(tmp_path: Path, seed: int) -> None:
-    bench, rng = shipped_bench(), random.Random(seed)
-    bench["simulation"]["seed"] = seed
-    cause = PLANTS[0].plant(bench, rng)
-    outcome = run_of(tmp_path / "run", short_plan(), bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_with_two_coils_exchanged_no_place_is_named() -> None:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 from typing import Any
 
-import plants_gyro
-import plants_stage
 import pytest
+from campaigns.planted.commissioning import named
 from commissioning_parts import EARTH, PULSE_WEIGHT_LIMIT, whole_plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
-from plants import Plant, named
 
 from procedures.commissioning.gyro.limits import PULSE_WEIGHT
 from procedures.commissioning.stage import limits
-
-PLANTS = (*plants_stage.PLANTS, *plants_gyro.PLANTS)
 
 
 def short_plan(part: str, **changes: Any) -> dict[str, Any]:
@@ -32,17 +27,6 @@ def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, part: str) -> None:
     outcome = run_of(tmp_path / "run", short_plan(part), shipped_bench())
     assert named(outcome) == set()
     assert outcome.exit_code == 0
-
-
-@pytest.mark.parametrize("seed", [1])
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda one: one.name)
-def test_a_planted_fault_is_named_alone(tmp_path: Path, plant: Plant, seed: int) -> None:
-    bench, rng = shipped_bench("sim"), random.Random(seed)
-    bench["simulation"]["seed"] = seed
-    cause = plant.plant(bench, rng)
-    outcome = run_of(tmp_path / "run", short_plan(plant.part), bench)
-    assert named(outcome) == {cause}
-    assert outcome.exit_code == 1
 
 
 def test_a_bias_that_hides_one_percent_decides_no_pulse_weight(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fault_truths import fog_curve_ppm
+from campaigns.kills import raw_hashes
+from campaigns.truths import fog_curve_ppm
 from fog_runs import short_run
-from resume_helpers import raw_hashes
 
 from procedures.fog_scale_factor_temperature.from_import import PLACE
 from station.cli.analysing import analyse_run

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fault_truths import number
+from campaigns.truths import number
 from plan_runs import run_of, shipped_bench, shipped_plan
 from test_run_nine_axis import SHORT
 

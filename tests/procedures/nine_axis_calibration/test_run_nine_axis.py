@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from fault_truths import nine_axis_scale_factor, number
+from campaigns.truths import nine_axis_scale_factor, number
 
 from station import registry
 from station.cli.analysing import analyse_run

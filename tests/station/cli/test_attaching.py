@@ -15,7 +15,7 @@ from threading import Thread
 
 import pytest
 from command_line import PLAN, station, station_command
-from kill_helpers import served_bench
+from served_bench import served_bench
 from terminal import OnTerminal, hears_hang_up
 
 from station.clock import RealClock

@@ -13,7 +13,7 @@ import pytest
 from campaign_helpers import only_run, short_plan, station
 from command_line import station as station_in
 from command_line import station_command
-from kill_helpers import served_bench
+from served_bench import served_bench
 
 from station.clock import VirtualClock
 from station.control.status import FinishedUnit, newest_run, read_status, time_left_s

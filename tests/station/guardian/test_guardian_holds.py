@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 from campaign_helpers import short_plan, station
+from campaigns.standstill.runs import memory_of
 from command_line import begun
 from guardian_helpers import ROOT, World, is_alive, start_run, until, world
-from standstill_runs import memory_of
 from user_space_disk import UserSpaceDisk, disk_or_skip
 
 from station.clock import RealClock

@@ -14,22 +14,24 @@ from typing import Any
 import numpy as np
 import pytest
 from campaign_helpers import (
-    compare_with_reference,
     finished_units,
-    opens,
     raw_content,
     short_plan,
     station,
 )
-from command_line import station_command
-from guardian_helpers import until, world
-from kill_helpers import guardian_at_work, kill_at_random_moment, written_bytes
-from resume_helpers import results_of, resume_and_judge, wrong_results
+from campaigns.kills import (
+    Case,
+    judge,
+    results_of,
+    wrong_results,
+)
 
 from station.record.folder import RunFolder
 from station.record.raw import RawIndex
 
-SEEDS = range(1)
+VIRTUAL = range(3)
+SCALED = (11,)
+"""Half of the data are written: the first axis is finished or near its end."""
 SPEED = 50.0
 
 
@@ -48,43 +50,22 @@ def reference(plan: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", VIRTUAL)
 def test_a_kill_on_virtual_time_leaves_a_beginning_of_the_run_that_goes_on(
     seed: int, plan: Path, reference: Path, tmp_path: Path
 ) -> None:
-    command = station_command("run", plan, "--non-interactive", "--output", tmp_path / "runs")
-    kill = kill_at_random_moment(
-        command, tmp_path / "runs", written_bytes(reference.parent), np.random.default_rng(seed)
-    )
-    if kill.folder is None:
-        assert kill.phase == "starting"
-        return
-    compare_with_reference(kill.folder, reference)
-    assert not list(opens(kill.folder))
-    how, wrong = resume_and_judge(kill.folder, reference)
-    assert not wrong, how
+    line = judge(Case(seed, (str(plan),), reference), tmp_path / "killed")
+    assert not line["faults"], line
 
 
 @pytest.mark.campaign
+@pytest.mark.parametrize("seed", SCALED)
 def test_a_kill_on_scaled_time_leaves_a_safe_world_and_a_run_that_goes_on(
-    plan: Path, reference: Path, tmp_path: Path
+    seed: int, plan: Path, reference: Path, tmp_path: Path
 ) -> None:
-    with world(tmp_path, SPEED) as bench:
-        command = station_command(
-            "run", plan, "--served", bench.head, "--non-interactive", "--output", tmp_path / "runs"
-        )
-        # Half of the data: the first axis is finished or near its end.
-        rng = np.random.default_rng(7)
-        kill = kill_at_random_moment(
-            command, tmp_path / "runs", written_bytes(reference.parent) // 2, rng
-        )
-        assert kill.folder is not None
-        until(lambda: not guardian_at_work(kill))
-        assert bench.at_rest()
-        assert not list(opens(kill.folder))
-        how, wrong = resume_and_judge(kill.folder, reference, "--served", bench.head)
-        assert not wrong, how
-        assert bench.at_rest()
+    line = judge(Case(seed, (str(plan),), reference, speed=SPEED), tmp_path / "killed")
+    assert line["has_folder"] and line["guardian"]
+    assert not line["faults"], line
 
 
 @pytest.mark.parametrize(

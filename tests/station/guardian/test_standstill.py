@@ -20,10 +20,10 @@ import pytest
 if sys.platform != "linux":
     pytest.skip("signals, terminals and disks of Linux", allow_module_level=True)
 
-from fault_cases import plans, steps
-from standstill_attacks import ATTACKERS, Scene, strike
-from standstill_cases import ATTACKS, SPEEDS, Case
-from standstill_oracle import Observed, attack, reference_of, steps_were_done
+from campaigns.faults import plans, steps
+from campaigns.standstill.attacks import ATTACKERS, Scene, strike
+from campaigns.standstill.cases import ATTACKS, SPEEDS, Case
+from campaigns.standstill.oracle import Observed, attack, reference_of, steps_were_done
 from user_space_disk import why_not
 
 GYRO, CELL, ACCELEROMETER = (

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from browser import Page, chromium
 from command_line import PLAN
-from kill_helpers import served_bench
 from panel_server import Served, begin, free_port, panel
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from served_bench import served_bench
 
 from station.control.client import ask
 from station.control.status import read_status

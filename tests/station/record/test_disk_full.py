@@ -18,8 +18,8 @@ from campaign_helpers import (
     station,
     whole_events,
 )
+from campaigns.kills import written_bytes
 from command_line import station_command
-from kill_helpers import written_bytes
 from limited_files import limited
 
 from station.record.folder import RunFolder

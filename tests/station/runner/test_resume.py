@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 import yaml
 from campaign_helpers import shipped, short_plan
+from campaigns.kills import raw_hashes, results_of, what_is_wrong
 from command_line import station_command
 from limited_files import limited
-from resume_helpers import raw_hashes, results_of, what_is_wrong
 
 from station import registry
 from station.cli.running import resume_run

@@ -21,7 +21,8 @@ from campaign_helpers import only_run
 from command_line import station_command
 from guardian_helpers import World, until
 from short_forms import SHORT_FORMS
-from standstill_cases import SHORTER
+
+from campaigns.standstill.cases import SHORTER
 
 MARK = "STANDSTILL_CASE"
 """Every process that a run starts has this in its environment, and is found by it."""

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from command_line import station_command
 from guardian_helpers import World
-from standstill_runs import CTRL_C, CTRL_S, LOOKS_EVERY_S, MOVED, Attacked, memory_of
 from user_space_disk import UserSpaceDisk
+
+from campaigns.standstill.runs import CTRL_C, CTRL_S, LOOKS_EVERY_S, MOVED, Attacked, memory_of
 
 STRETCH_S = 1.0
 """From a terminal that stands still to a person's wish to end the run, at most."""

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from fault_cases import BENCH, read_bench_at, short
 from scipy.stats import t as student
+from short_forms import BENCH, read_bench_at, short
 
 from station.files.lookup import BENCHES, find
 

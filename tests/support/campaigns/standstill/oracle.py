@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 from campaign_helpers import opens
 from command_line import station_command
-from fault_cases import BENCH, Reference, read_bench_at, reference_run, short
 from guardian_helpers import World, world
-from standstill_attacks import Scene, strike
-from standstill_cases import FAULT, GOOD, SPEEDS, TRIPPED, Case
-from standstill_runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
+from short_forms import BENCH, read_bench_at, short
 from user_space_disk import UserSpaceDisk, user_space_disk
 
+from campaigns.faults import Reference, reference_run
+from campaigns.standstill.attacks import Scene, strike
+from campaigns.standstill.cases import FAULT, GOOD, SPEEDS, TRIPPED, Case
+from campaigns.standstill.runs import LOOKS_EVERY_S, Attacked, attacked_run, wait_for_step
 from station.files.lookup import BENCHES, find
 from station.record.layout import MANIFEST
 
