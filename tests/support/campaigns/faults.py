@@ -223,7 +223,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
     marks: list[Mark] = []
     with BenchSession(bench, plan.procedure) as session:
         clock = session.clock
-        head = {**head_of(plan, bench, clock), **inputs_of(procedure, plan)}
+        head: dict[str, Any] = {**head_of(plan, bench, clock), **inputs_of(procedure, plan)}
         record = RunRecord(folder / "runs", plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         trace = Trace(record.path, clock)

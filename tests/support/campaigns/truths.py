@@ -33,7 +33,7 @@ def accelerometer_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> 
     if result["value"] is None or result["name"] in AT_A_MEAN_TEMPERATURE:
         return None
     true = bench["simulation"]["accelerometer"]["coefficients"]
-    return sum(factor * number(true[name]) for name, factor in result["terms"].items())
+    return float(sum(factor * number(true[name]) for name, factor in result["terms"].items()))
 
 
 def fog_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
@@ -172,9 +172,9 @@ TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | No
 
 def off_the_truth(bench: Mapping[str, Any], document: Mapping[str, Any]) -> Iterator[str]:
     """Yield each result of a document that lies too far from what the bench's world knows."""
-    true_of = TRUTHS.get(str(document["procedure"]), lambda bench, result: None)
+    true_of = TRUTHS.get(str(document["procedure"]))
     for result in document["results"]:
-        true = true_of(bench, result) if result["value"] is not None else None
+        true = true_of(bench, result) if true_of and result["value"] is not None else None
         if true is None:
             continue
         off_u = abs(result["value"] - true) / result["standard_uncertainty"]

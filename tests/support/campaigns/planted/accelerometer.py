@@ -445,306 +445,102 @@ NAMED: Sequence[tuple[str, int, str]] = (
     ("coil warms the device, 4 rows; efficient", 7, "not-settled"),
 )
 
+# fmt: off
 ROWS: Sequence[Row] = (
     *(of_fault(FAULTS, *one) for one in NAMED),
-    *(
-        row(
-            f"hysteresis of {1e6 * width_V:g} uV, {'a loop' if closed else 'a step'}",
-            but(BOTH_WAYS, loop(width_V, closed)),
-            "hysteresis",
-            without="misfit",
-            clean=BOTH_WAYS,
-            below_u=4.5,
-        )
-        for width_V in (10e-6, -30e-6, 200e-6)
-        for closed in (False, True)
-    ),
-    *(
-        of_fault(FAULTS, f"{name}; three planes, 12 angles", seed, codes, others="")
-        for name, seed, codes in (
-            ("cubic in the field, 3 %", 6, "hysteresis misfit not-identifiable"),
-            ("remanence, 3 % of the last field", 0, "hysteresis misfit not-identifiable"),
-        )
-    ),
-    row(
-        "hysteresis of the core, in the measured field",
-        but(BOTH_WAYS, magnetised),
-        seeds=(3,),
-        below_u=4.5,
-    ),
+    *(row(f"hysteresis of {1e6 * width_V:g} uV, {'a loop' if closed else 'a step'}",
+        but(BOTH_WAYS, loop(width_V, closed)), "hysteresis", without="misfit", clean=BOTH_WAYS,
+        below_u=4.5) for width_V in (10e-6, -30e-6, 200e-6) for closed in (False, True)),
+    *(of_fault(FAULTS, f"{name}; three planes, 12 angles", seed, codes, others="")
+        for name, seed, codes in (("cubic in the field, 3 %", 6,
+        "hysteresis misfit not-identifiable"),
+        ("remanence, 3 % of the last field", 0, "hysteresis misfit not-identifiable"))),
+    row("hysteresis of the core, in the measured field", but(BOTH_WAYS, magnetised), seeds=(3,),
+        below_u=4.5),
     row("fields up and down", BOTH_WAYS, seeds=range(12), others=USUAL_FLAGS),
-    *(
-        row(
-            f"output step of {1e6 * size_V:g} uV",
-            but(TWO, step(at, size_V)),
-            STEPPED,
-            seeds=(seed,),
-        )
-        for size_V in (20e-6, -60e-6, 200e-6)
-        for seed, at in ((0, 12), (1, 29))
-    ),
-    *(
-        row(
-            f"output step at row {at}, drift of {1e6 * drift_V:g} uV",
-            but(of(drift_V=drift_V * np.linspace(-1.0, 1.0, 54), leave_out="K0"), step(at, 1e-4)),
-            STEPPED,
-            seeds=range(3),
-            details={"row": (at, 1), "step_V": (100e-6, 25e-6)},
-            others=USUAL_FLAGS | {"outliers-rejected"},
-            below_u=4.5,
-        )
-        for at in (10, 27, 40)
-        for drift_V in (0.0, 30e-6)
-    ),
-    *(
-        row(
-            f"output step of {1e6 * size_V:g} uV in one plane",
-            but(of(("io",), 24, SIX_FIELDS_T, leave_out="K0"), step(70, size_V)),
-            STEPPED,
-            seeds=range(3),
-            without="encoder-jump",
-            below_u=4.5,
-        )
-        for size_V in (100e-6, -20e-6)
-    ),
+    *(row(f"output step of {1e6 * size_V:g} uV", but(TWO, step(at, size_V)), STEPPED,
+        seeds=(seed,)) for size_V in (20e-6, -60e-6, 200e-6) for seed, at in ((0, 12), (1, 29))),
+    *(row(f"output step at row {at}, drift of {1e6 * drift_V:g} uV",
+        but(of(drift_V=drift_V * np.linspace(-1.0, 1.0, 54), leave_out="K0"), step(at, 1e-4)),
+        STEPPED, seeds=range(3), details={"row": (at, 1), "step_V": (100e-6, 25e-6)},
+        others=USUAL_FLAGS | {"outliers-rejected"}, below_u=4.5) for at in (10, 27, 40)
+        for drift_V in (0.0, 30e-6)),
+    *(row(f"output step of {1e6 * size_V:g} uV in one plane",
+        but(of(("io",), 24, SIX_FIELDS_T, leave_out="K0"), step(70, size_V)), STEPPED,
+        seeds=range(3), without="encoder-jump", below_u=4.5) for size_V in (100e-6, -20e-6)),
     row("two planes", TWO, seeds=range(40), others=USUAL_FLAGS | {"outliers-rejected"}),
-    row(
-        "a slow third order",
-        of(drift_V=15e-6 * np.linspace(-1.0, 1.0, 54) ** 3),
-        seeds=range(40),
-        without="output-step encoder-jump",
-    ),
-    *(
-        row(
-            f"encoder {size_deg:g} deg off from row {rows.start}",
-            but(of(*plan), jump(rows, size_deg)),
-            "encoder-jump not-identifiable",
-            seeds=(seed,),
-            # A row at which the output hardly moves with the angle cannot tell.
-            details={"row": (rows.start, 3), "jump_arcsec": (3600 * size_deg, 3.0)},
-            others="",
-            below_u=3.7,
-        )
-        for seed, plan, rows, size_deg in ENCODERS
-    ),
-    row(
-        "encoder jumps between the planes",
+    row("a slow third order", of(drift_V=15e-6 * np.linspace(-1.0, 1.0, 54) ** 3), seeds=range(40),
+        without="output-step encoder-jump"),
+    *(row(f"encoder {size_deg:g} deg off from row {rows.start}",
+        but(of(*plan), jump(rows, size_deg)), "encoder-jump not-identifiable", seeds=(seed,),
+        # A row at which the output hardly moves with the angle cannot tell.
+        details={"row": (rows.start, 3), "jump_arcsec": (3600 * size_deg, 3.0)}, others="",
+        below_u=3.7) for seed, plan, rows, size_deg in ENCODERS),
+    row("encoder jumps between the planes",
         but(TWO, changed("theta_deg", lambda one, x: x + np.where(one.plane == "ip", 0.5, 0.0))),
-        "encoder-jump not-identifiable",
-        seeds=(4,),
-        others="",
-        below_u=3.7,
-    ),
-    *(
-        row(
-            f"thermometer stands still, {rise_K:g} K",
-            but(warming(rise_K, 0.0), stands_from(20)),
-            "frozen",
-            seeds=(4,),
-            below_u=4.5,
-        )
-        for rise_K in (0.3, 1.0, 3.0)
-    ),
-    *(
-        row(
-            f"thermometer in the room, {rise_K:g} K",
-            but(warming(rise_K), ROOM),
-            "drift-removed",
-            seeds=(4,),
-            below_u=4.5,
-        )
-        for rise_K in (0.3, 1.0, 3.0)
-    ),
-    *(
-        row(
-            f"thermometer frozen from row {since}",
-            but(warming(1.0), stands_from(since)),
-            "frozen",
-            seeds=range(6),
-            details={"count": 54 - since, "row": since, "what": "thermometer"},
-            clean=warming(1.0),
-            below_u=4.5,
-        )
-        for since in (0, 20)
-    ),
-    row(
-        "no thermometer",
-        but(warming(1.0), lambda one, _: replace(one, temperature_degC=None)),
-        "drift-removed",
-        seeds=range(6),
-        details={"term": "Ki"},
-        below_u=4.5,
-    ),
-    *(
-        row(
-            f"thermometer to {places} digits",
-            but(warming(1.0), changed("temperature_degC", partial(to_digits, places))),
-            seeds=range(3 - places, 20, 3),
-            without="frozen",
-        )
-        for places in (3, 2, 1)
-    ),
-    *(
-        row(
-            f"encoder zero {offset:g} arcsec off",
-            of(
-                ("io", "ip", "op"),
-                12,
-                FIVE_T,
-                offset_arcsec=offset,
-                misalignment=(3e-4, -2e-4),
-            ),
-            "not-identifiable",
-            others="",
-            below_u=4.0,
-        )
-        for offset in (36.0, -1800.0)
-    ),
-    row(
-        "encoder zero half a degree off, two planes",
-        of(("io", "ip"), 12, SIX_FIELDS_T, offset_arcsec=1800.0),
-        "not-identifiable",
-        seeds=(17,),
-        others="",
-        below_u=4.0,
-    ),
-    row(
-        "readings of few digits",
-        but(of(("io", "ip", "op"), 12, FIVE_T, noise_V=1e-6), coarse),
-        "coarse-output",
-        seeds=range(4),
-        without="repeated-rows frozen",
-    ),
-    *(
-        row(
-            f"sign of {names or 'nothing'}: {said}",
-            but(TWO, sign_turns(names, "plane" in said)),
-            "contradicts-statement",
-            seeds=(1,),
-            says=said,
-            details={"statement": names.split()[0]},
-            null="*",
-            clean=TWO,
-        )
-        for names, said in (
-            ("field_T field_commanded_T", "has the other sign in plane io"),
-            ("output_V", "has the other sign from row 20 "),
-            ("theta_deg theta_commanded_deg", "has the other sign from row 20 "),
-        )
-    ),
-    row(
-        "outputs run together",
+        "encoder-jump not-identifiable", seeds=(4,), others="", below_u=3.7),
+    *(row(f"thermometer stands still, {rise_K:g} K", but(warming(rise_K, 0.0), stands_from(20)),
+        "frozen", seeds=(4,), below_u=4.5) for rise_K in (0.3, 1.0, 3.0)),
+    *(row(f"thermometer in the room, {rise_K:g} K", but(warming(rise_K), ROOM), "drift-removed",
+        seeds=(4,), below_u=4.5) for rise_K in (0.3, 1.0, 3.0)),
+    *(row(f"thermometer frozen from row {since}", but(warming(1.0), stands_from(since)), "frozen",
+        seeds=range(6), details={"count": 54 - since, "row": since, "what": "thermometer"},
+        clean=warming(1.0), below_u=4.5) for since in (0, 20)),
+    row("no thermometer", but(warming(1.0), lambda one, _: replace(one, temperature_degC=None)),
+        "drift-removed", seeds=range(6), details={"term": "Ki"}, below_u=4.5),
+    *(row(f"thermometer to {places} digits",
+        but(warming(1.0), changed("temperature_degC", partial(to_digits, places))),
+        seeds=range(3 - places, 20, 3), without="frozen") for places in (3, 2, 1)),
+    *(row(f"encoder zero {offset:g} arcsec off",
+        of(("io", "ip", "op"), 12, FIVE_T, offset_arcsec=offset, misalignment=(3e-4, -2e-4)),
+        "not-identifiable", others="", below_u=4.0) for offset in (36.0, -1800.0)),
+    row("encoder zero half a degree off, two planes",
+        of(("io", "ip"), 12, SIX_FIELDS_T, offset_arcsec=1800.0), "not-identifiable", seeds=(17,),
+        others="", below_u=4.0),
+    row("readings of few digits", but(of(("io", "ip", "op"), 12, FIVE_T, noise_V=1e-6), coarse),
+        "coarse-output", seeds=range(4), without="repeated-rows frozen"),
+    *(row(f"sign of {names or 'nothing'}: {said}", but(TWO, sign_turns(names, "plane" in said)),
+        "contradicts-statement", seeds=(1,), says=said, details={"statement": names.split()[0]},
+        null="*", clean=TWO) for names, said in (("field_T field_commanded_T",
+        "has the other sign in plane io"), ("output_V", "has the other sign from row 20 "),
+        ("theta_deg theta_commanded_deg", "has the other sign from row 20 "))),
+    row("outputs run together",
         but(TWO, changed("output_V", lambda _, x: 0.6 * x + 0.4 * np.append(x[0], x[:-1]))),
-        "contradicts-statement",
-        seeds=(1,),
-        says="holds about 40 % of the row before",
-        details={"statement": "output_V"},
-        null="*",
-    ),
-    *(
-        of_fault(
-            FAULTS,
-            f"sign of the field lost; {plan}",
-            0,
-            "contradicts-statement",
-            says="without its sign",
-            details={"statement": "field_T"},
-            null="*",
-        )
-        for plan in ("three planes, 12 angles", "efficient", "palindrome")
-    ),
+        "contradicts-statement", seeds=(1,), says="holds about 40 % of the row before",
+        details={"statement": "output_V"}, null="*"),
+    *(of_fault(FAULTS, f"sign of the field lost; {plan}", 0, "contradicts-statement",
+        says="without its sign", details={"statement": "field_T"}, null="*")
+        for plan in ("three planes, 12 angles", "efficient", "palindrome")),
     of_fault(FAULTS, "sign of the field lost, measured; palindrome", 0, FIELD),
     of_fault(FAULTS, "scale differs by the field's sign, 50 ppm; palindrome", 0, MISFIT),
-    *(
-        row(
-            f"fields of one sign, noise of {1e6 * noise_V:g} uV",
-            of(("io", "ip"), 9, (0.0, 0.02, 0.05), noise_V=noise_V),
-            seeds=(seed,),
-            without="contradicts-statement misfit",
-        )
-        for seed, noise_V in ((0, 3e-6), (1, 1e-3))
-    ),
-    row(
-        "encoder and command stand still",
-        but(of(("io", "ip"), 12, FIVE_T), encoder_stands),
-        "frozen",
-        seeds=(2,),
-        below_u=4.0,
-    ),
-    row(
-        "a long stay at an angle",
-        but(of(("io", "ip"), 12, FIVE_T), long_stay),
-        seeds=(2,),
-        without="frozen",
-    ),
+    *(row(f"fields of one sign, noise of {1e6 * noise_V:g} uV",
+        of(("io", "ip"), 9, (0.0, 0.02, 0.05), noise_V=noise_V), seeds=(seed,),
+        without="contradicts-statement misfit") for seed, noise_V in ((0, 3e-6), (1, 1e-3))),
+    row("encoder and command stand still", but(of(("io", "ip"), 12, FIVE_T), encoder_stands),
+        "frozen", seeds=(2,), below_u=4.0),
+    row("a long stay at an angle", but(of(("io", "ip"), 12, FIVE_T), long_stay), seeds=(2,),
+        without="frozen"),
     of_fault(FAULTS, "coil warms the device, 15 rows; efficient", 1, SETTLED, below_u=4.0),
-    row(
-        "an accelerometer of 1 mV noise",
-        of(("io", "ip", "op"), 12, FIVE_T, noise_V=1e-3),
-        seeds=(3,),
-        without="misfit",
-        below_u=4.0,
-    ),
-    row(
-        "outputs over their range",
-        but(TWO, changed("output_V", overloaded)),
-        "overload",
-        seeds=(9,),
-        details={"count": 3, "rows": [3, 7, 20]},
-        below_u=3.7,
-    ),
-    row(
-        "a field of 1.03 of the commanded one",
-        of(field_gain=1.03),
-        "field-differs-from-commanded not-identifiable",
-        seeds=(11,),
-        others="",
-        below_u=3.7,
-    ),
+    row("an accelerometer of 1 mV noise", of(("io", "ip", "op"), 12, FIVE_T, noise_V=1e-3),
+        seeds=(3,), without="misfit", below_u=4.0),
+    row("outputs over their range", but(TWO, changed("output_V", overloaded)), "overload",
+        seeds=(9,), details={"count": 3, "rows": [3, 7, 20]}, below_u=3.7),
+    row("a field of 1.03 of the commanded one", of(field_gain=1.03),
+        "field-differs-from-commanded not-identifiable", seeds=(11,), others="", below_u=3.7),
     of_fault(FAULTS, "mains, aliased, 40 uV; two planes, ascending", 0, "periodic"),
     row("a coil that is not connected", of(field_gain=0.0), "wrong-excitation"),
-    row(
-        "a square hum",
-        of(
-            ("io", "ip"),
-            72,
-            (-0.05, 0.0, 0.05),
-            drift_V=20e-6 * np.sign(np.sin(np.arange(432) / 5.0)),
-        ),
-        "model-too-stiff",
-        seeds=(13,),
-    ),
-    row(
-        "eight rows",
-        but(TWO, some_rows([0, 5, 9, 14, 20, 22, 31, 40])),
-        "not-identifiable",
-        seeds=(15,),
-        null="*",
-    ),
+    row("a square hum", of(("io", "ip"), 72, (-0.05, 0.0, 0.05),
+        drift_V=20e-6 * np.sign(np.sin(np.arange(432) / 5.0))), "model-too-stiff", seeds=(13,)),
+    row("eight rows", but(TWO, some_rows([0, 5, 9, 14, 20, 22, 31, 40])), "not-identifiable",
+        seeds=(15,), null="*"),
     row("no rows", but(TWO, some_rows([])), "not-identifiable", seeds=(15,), null="*"),
-    row(
-        "no Kim and no Kom",
-        but(TWO, changed("output_V", no_magnetic_terms)),
-        "not-significant",
-        seeds=(16,),
-        details={"coefficients": ["Kim", "Kom"]},
-    ),
-    row(
-        "a field that was never there",
-        but(TWO, changed("field_T", lambda _, x: 0.0 * x)),
-        "not-identifiable",
-        seeds=(18,),
-        says="do not follow the commanded ones",
-        null="*",
-    ),
-    row(
-        "the example with rows over their range, wild and lost",
-        lambda _: SPOILT,
-        "not-identifiable overload outliers-rejected gap",
-        details={"rows": [50]},
-        others="",
-        below_u=1.0,
-    ),
+    row("no Kim and no Kom", but(TWO, changed("output_V", no_magnetic_terms)), "not-significant",
+        seeds=(16,), details={"coefficients": ["Kim", "Kom"]}),
+    row("a field that was never there", but(TWO, changed("field_T", lambda _, x: 0.0 * x)),
+        "not-identifiable", seeds=(18,), says="do not follow the commanded ones", null="*"),
+    row("the example with rows over their range, wild and lost", lambda _: SPOILT,
+        "not-identifiable overload outliers-rejected gap", details={"rows": [50]}, others="",
+        below_u=1.0),
     *refusals(
         ONE_EXAMPLE,
         ("dataset.yaml", "local_gravity: 1 g", "local_gravity: 1", "local_gravity"),
@@ -759,3 +555,4 @@ ROWS: Sequence[Row] = (
         ("samples.csv", "\n10.0,io,0.00000,0.02", "\n10.0,io,0.00000,20", "3:1: field_commanded"),
     ),
 )
+# fmt: on

@@ -64,65 +64,27 @@ CLEAN: Sequence[Callable[[int], Sample]] = (of(Gyro()),)
 LONE_RAMP = Gyro(steps=((60, 0.2),), soak_h=0.05)
 SPOILT = Gyro(spikes=(100, 700, 1100), lost=slice(400, 420))
 
+# fmt: off
 ROWS: Sequence[Row] = (
     row("one ramp, one way", of(LONE_RAMP), "not-identifiable", seeds=(1,), null="hysteresis"),
-    row(
-        "a reference outside the record",
-        of(Gyro(reference_degC=90.0)),
-        "extrapolation",
-        seeds=(1,),
-        null="bias bias_temperature_sensitivity",
-        known="largest_bias_slope",
-    ),
-    row(
-        "no thermometer of its own",
-        of(Gyro(thermometer=False)),
-        "not-identifiable",
-        seeds=(1,),
-        null="chamber_lag",
-    ),
+    row("a reference outside the record", of(Gyro(reference_degC=90.0)), "extrapolation",
+        seeds=(1,), null="bias bias_temperature_sensitivity", known="largest_bias_slope"),
+    row("no thermometer of its own", of(Gyro(thermometer=False)), "not-identifiable", seeds=(1,),
+        null="chamber_lag"),
     row("a straight curve", of(Gyro(curve=(0.1, 0.1))), "lag-by-prior", seeds=(1,)),
-    row(
-        "output in deg/s",
-        but(of(Gyro()), times(1.0 / 3600.0)),
-        "contradicts-statement",
-        seeds=(4,),
-        clean=of(Gyro()),
-    ),
+    row("output in deg/s", but(of(Gyro()), times(1.0 / 3600.0)), "contradicts-statement",
+        seeds=(4,), clean=of(Gyro())),
     row("output reversed", but(of(Gyro()), times(-1.0)), "contradicts-statement", seeds=(4,)),
     row("wild and lost rows", of(SPOILT), "outliers-rejected gap", seeds=(4,), below_u=4.0),
     row("no hysteresis", of(Gyro(hysteresis=0.0)), "not-significant", seeds=(3,), below_u=4.0),
-    row(
-        "output at a limit for 40 rows",
-        but(of(Gyro()), rows_of(partial(stuck, 400.0))),
-        "overload",
-        seeds=(4,),
-        details={"count": 40},
-        below_u=4.0,
-    ),
-    row(
-        "output frozen for 40 rows",
-        but(of(Gyro()), rows_of(partial(stuck, None))),
-        "frozen",
-        seeds=(4,),
-        details={"count": 40},
-        below_u=4.0,
-    ),
-    row(
-        "output with a wave of 5 rows",
-        but(of(Gyro()), rows_of(wave)),
-        "model-too-stiff",
-        seeds=(4,),
-        others="",
-        below_u=4.0,
-    ),
-    row(
-        "a record at one temperature",
-        of(Gyro(steps=((23.5, 1.0),))),
-        "not-identifiable",
-        seeds=(1,),
-        null="*",
-    ),
+    row("output at a limit for 40 rows", but(of(Gyro()), rows_of(partial(stuck, 400.0))),
+        "overload", seeds=(4,), details={"count": 40}, below_u=4.0),
+    row("output frozen for 40 rows", but(of(Gyro()), rows_of(partial(stuck, None))), "frozen",
+        seeds=(4,), details={"count": 40}, below_u=4.0),
+    row("output with a wave of 5 rows", but(of(Gyro()), rows_of(wave)), "model-too-stiff",
+        seeds=(4,), others="", below_u=4.0),
+    row("a record at one temperature", of(Gyro(steps=((23.5, 1.0),))), "not-identifiable",
+        seeds=(1,), null="*"),
     *refusals(
         example("gyro-bias-temperature"),
         ("samples.csv", "60,soak,23,", "60,wait,23,", "no phase"),
@@ -130,3 +92,4 @@ ROWS: Sequence[Row] = (
         ("samples.csv", "set_point_degC,rate_deg_per_h", "set_point_degC,rate", "rate"),
     ),
 )
+# fmt: on

@@ -196,131 +196,73 @@ def fifth_sets(part: Values) -> Values:
     return np.asarray(np.rint(part * 53) % 5 == 2)
 
 
+# fmt: off
 LABORATORY: tuple[Fault, ...] = (
-    *faults(
-        HYSTERESIS,
-        ("thermometers that lag by 1 degC while warming", while_warming(1.0)),
+    *faults(HYSTERESIS, ("thermometers that lag by 1 degC while warming", while_warming(1.0)),
         ("thermometers that lag by 0.5 degC while warming", while_warming(0.5)),
-        kind=THERE_AND_BACK,
-        detectable=True,
-    ),
-    *faults(
-        HYSTERESIS | STATEMENT | FROZEN,
+        kind=THERE_AND_BACK, detectable=True),
+    *faults(HYSTERESIS | STATEMENT | FROZEN,
         ("thermometers an hour early, there and back", read_later(1.0)),
         ("thermometers two hours late, there and back", read_later(-2.0)),
-        ("return with the headings of the way out", return_copied),
-        kind=THERE_AND_BACK,
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("thermometers an hour early, proved", read_later(1.0)),
+        ("return with the headings of the way out", return_copied), kind=THERE_AND_BACK,
+        detectable=True),
+    *faults(STATEMENT, ("thermometers an hour early, proved", read_later(1.0)),
         ("thermometers that lag by 1 degC while warming, proved", while_warming(1.0)),
-        ("bias known to be another, proved", sensed(lambda p: 12.0)),
-        kind=PROVED,
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("proof is the calibrating ramp", first_ramp_again),
-        ("a quarter of the proof is the calibrating ramp", part_of_ramp_again),
-        kind=PROVED,
-        detectable=True,
-    ),
-    *faults(
-        LEFT_OUT,
-        ("table 1e-4 off in a fifth of the log", sensed(lambda p: 100.0 * ((p > 0.4) & (p < 0.6)))),
+        ("bias known to be another, proved", sensed(lambda p: 12.0)), kind=PROVED, detectable=True),
+    *faults(STATEMENT, ("proof is the calibrating ramp", first_ramp_again),
+        ("a quarter of the proof is the calibrating ramp", part_of_ramp_again), kind=PROVED,
+        detectable=True),
+    *faults(LEFT_OUT, ("table 1e-4 off in a fifth of the log",
+        sensed(lambda p: 100.0 * ((p > 0.4) & (p < 0.6)))),
         ("table 1e-4 off in one set of five", sensed(lambda p: 100.0 * fifth_sets(p))),
         ("table 2e-5 off from two thirds on", sensed(lambda p: 20.0 * (p > 0.67))),
-        (
-            "commands with the other sign in three sets",
-            columns("commanded", np.negative, 0.4, 0.46),
-        ),
-        (
-            "commands with the other sign in the last two sets",
-            columns("commanded", np.negative, 0.97),
-        ),
+        ("commands with the other sign in three sets",
+        columns("commanded", np.negative, 0.4, 0.46)),
+        ("commands with the other sign in the last two sets",
+        columns("commanded", np.negative, 0.97)),
         ("commands with the other sign from the middle", columns("commanded", np.negative, 0.5)),
         ("another gyro from the middle", other_gyro(777, 0.5)),
-        ("another gyro for the last sixth", other_gyro(778, 0.84)),
-    ),
-    *faults(
-        LEFT_OUT | STATEMENT,
-        (
-            "table 1e-4 off in a fifth, single turns",
-            sensed(lambda p: 100.0 * ((p > 0.4) & (p < 0.6))),
-        ),
-        (
-            "commands with the other sign in three sets, single turns",
-            columns("commanded", np.negative, 0.4, 0.46),
-        ),
-        ("bias steps by 1 deg/h, single turns", added(lambda log, _: 36.0 * (part_of(log) > 0.45))),
-        (
-            "bias of 0.5 deg/h for a tenth, single turns",
-            added(lambda log, _: 18.0 * ((part_of(log) > 0.3) & (part_of(log) < 0.41))),
-        ),
-        ("another gyro from the middle, single turns", other_gyro(777, 0.5)),
-        kind=SINGLE,
-    ),
-    *faults(
-        STATEMENT | LEFT_OUT,
+        ("another gyro for the last sixth", other_gyro(778, 0.84))),
+    *faults(LEFT_OUT | STATEMENT, ("table 1e-4 off in a fifth, single turns",
+        sensed(lambda p: 100.0 * ((p > 0.4) & (p < 0.6)))),
+        ("commands with the other sign in three sets, single turns",
+        columns("commanded", np.negative, 0.4, 0.46)), ("bias steps by 1 deg/h, single turns",
+        added(lambda log, _: 36.0 * (part_of(log) > 0.45))),
+        ("bias of 0.5 deg/h for a tenth, single turns",
+        added(lambda log, _: 18.0 * ((part_of(log) > 0.3) & (part_of(log) < 0.41)))),
+        ("another gyro from the middle, single turns", other_gyro(777, 0.5)), kind=SINGLE),
+    *faults(STATEMENT | LEFT_OUT,
         ("earth's rate not taken off, single turns and a drive", added(lambda log, _: 350.0)),
-        kind=partial(log, turns=(360,), driven=True),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        (
-            "a level's temperatures 10 degC high",
-            columns("temperature", lambda t: t + 10.0, 0.5, 0.6),
-        ),
-        (
-            "a level's temperatures those of an earlier one",
-            columns("temperature", lambda t: t - 6.0, 0.7, 0.78),
-        ),
+        kind=partial(log, turns=(360,), driven=True), detectable=True),
+    *faults(STATEMENT, ("a level's temperatures 10 degC high",
+        columns("temperature", lambda t: t + 10.0, 0.5, 0.6)),
+        ("a level's temperatures those of an earlier one",
+        columns("temperature", lambda t: t - 6.0, 0.7, 0.78)),
         ("temperature before in degF", columns("temperature_before", lambda t: 1.8 * t + 32)),
         ("temperature after in degF", columns("temperature_after", lambda t: 1.8 * t + 32)),
-        (
-            "temperatures in degF from the middle",
-            columns("temperature", lambda t: 1.8 * t + 32, 0.5),
-        ),
+        ("temperatures in degF from the middle",
+        columns("temperature", lambda t: 1.8 * t + 32, 0.5)),
         ("z in kelvin", columns("temperature", lambda t: t + 273.15, axes="z")),
         ("headings of x in radians", columns("attitude", np.radians, axes="x")),
         ("headings of y in gon", columns("attitude", lambda a: a / 0.9, axes="y")),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT | LEFT_OUT,
+        detectable=True),
+    *faults(STATEMENT | LEFT_OUT,
         ("one temperature of twenty written as 0", some(0.05, np.zeros_like, "temperature")),
         ("one heading of twenty written as 0", some(0.05, np.zeros_like, "attitude_after")),
-        (
-            "one heading of twenty half a turn off",
-            some(0.05, lambda a: np.mod(a + 180.0, 360.0), "attitude_after"),
-        ),
-        (
-            "headings rounded to whole degrees in one row of twenty",
-            some(0.05, np.round, "attitude"),
-        ),
-    ),
-    *faults(
-        COARSE,
-        ("temperatures of y to 1 degC", columns("temperature", np.round, axes="y")),
-        ("temperatures to 1 degC, cut off", columns("temperature", np.floor)),
-        detectable=True,
-    ),
-    *faults(
-        frozenset({REFUSED}),
-        ("each row twice", every_row_twice),
+        ("one heading of twenty half a turn off",
+        some(0.05, lambda a: np.mod(a + 180.0, 360.0), "attitude_after")),
+        ("headings rounded to whole degrees in one row of twenty",
+        some(0.05, np.round, "attitude"))),
+    *faults(COARSE, ("temperatures of y to 1 degC", columns("temperature", np.round, axes="y")),
+        ("temperatures to 1 degC, cut off", columns("temperature", np.floor)), detectable=True),
+    *faults(frozenset({REFUSED}), ("each row twice", every_row_twice),
         ("a third of the rows twice", twice(0.3, 0.63, renumbered=False)),
         ("a third of the rows twice, as new sets", twice(0.3, 0.63, renumbered=True)),
-        detectable=True,
-    ),
-    *faults(
-        frozenset({REFUSED}),
-        ("clock begins again in the middle", clock_again),
-        detectable=True,
-    ),
+        detectable=True),
+    *faults(frozenset({REFUSED}), ("clock begins again in the middle", clock_again),
+        detectable=True),
 )
+# fmt: on
 
 
 KINDS: tuple[Maker, ...] = (
@@ -438,10 +380,9 @@ def off_proof(shape: Shape) -> Change:
     return changed
 
 
+# fmt: off
 FAULTS: tuple[Fault, ...] = (
-    *faults(
-        STATEMENT,
-        ("headings in radians", columns("attitude", np.radians)),
+    *faults(STATEMENT, ("headings in radians", columns("attitude", np.radians)),
         ("headings in gon", columns("attitude", lambda a: a / 0.9)),
         ("headings as DD.MMSS", columns("attitude", minutes)),
         ("headings in turns", columns("attitude", lambda a: a / 360.0)),
@@ -454,179 +395,103 @@ FAULTS: tuple[Fault, ...] = (
         ("temperatures with the wrong sign", columns("temperature", np.negative)),
         ("temperature after in kelvin", columns("temperature_after", lambda t: t + 273.15)),
         ("x in degF", columns("temperature", lambda t: 1.8 * t + 32, axes="x")),
-        (
-            "x drifts by 8 degC",
-            columns("temperature", lambda t: t + np.linspace(0, 8, len(t)), axes="x"),
-        ),
+        ("x drifts by 8 degC",
+        columns("temperature", lambda t: t + np.linspace(0, 8, len(t)), axes="x")),
         ("the table's range is another plan's", stated(temperature_range="[-10 degC, 30 degC]")),
         ("turns 10 deg short", sensed(lambda part: -27778.0)),
         ("turns back called double", columns("commanded", lambda c: np.where(c < 0, 2 * c, c))),
-        ("earth's rate not taken off", added(lambda log, _: 350.0)),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("temperatures one row late", late("temperature", 1)),
+        ("earth's rate not taken off", added(lambda log, _: 350.0)), detectable=True),
+    *faults(STATEMENT, ("temperatures one row late", late("temperature", 1)),
         ("temperatures three rows late", late("temperature", 3)),
         ("temperatures after one row late", late("temperature_after", 1)),
         ("headings one row late", late("attitude", 1)),
         ("thermometers step by 2 degC", columns("temperature", lambda t: t + 2.0, 0.4)),
-        (
-            "thermometer of x steps by -3 degC",
-            columns("temperature", lambda t: t - 3.0, 0.6, axes="x"),
-        ),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("times in ms", columns("before_s after_s", lambda t: 1000 * t)),
+        ("thermometer of x steps by -3 degC",
+        columns("temperature", lambda t: t - 3.0, 0.6, axes="x")), detectable=True),
+    *faults(STATEMENT, ("times in ms", columns("before_s after_s", lambda t: 1000 * t)),
         ("times in minutes", columns("before_s after_s", lambda t: t / 60)),
-        ("headings in radians, single turns", columns("attitude", np.radians)),
-        kind=SINGLE,
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("labels exchanged, attitudes known", columns("axis", swapped)),
+        ("headings in radians, single turns", columns("attitude", np.radians)), kind=SINGLE,
+        detectable=True),
+    *faults(STATEMENT, ("labels exchanged, attitudes known", columns("axis", swapped)),
         ("upside down, attitudes known", columns("attitude", lambda a: a * [1, -1, -1])),
         ("pitch and roll exchanged", columns("attitude", lambda a: a[:, [0, 2, 1]])),
         ("roll with the wrong sign", columns("attitude", lambda a: a * [1, 1, -1])),
-        (
-            "pitch and roll in radians",
-            columns("attitude", lambda a: np.hstack((a[:, :1], np.radians(a[:, 1:])))),
-        ),
-        kind=FULL,
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT | NOTHING,
-        ("wrong sense, with a drive", stated(turn_sense="about-up")),
+        ("pitch and roll in radians",
+        columns("attitude", lambda a: np.hstack((a[:, :1], np.radians(a[:, 1:]))))), kind=FULL,
+        detectable=True),
+    *faults(STATEMENT | NOTHING, ("wrong sense, with a drive", stated(turn_sense="about-up")),
         ("drive in rad/s", drive_rates(np.radians)),
         ("drive with the wrong sign", drive_rates(np.negative)),
-        ("drive at the wrong latitude", stated(latitude="-40 deg")),
-        kind=DRIVEN,
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT | LEFT_OUT,
-        ("commands unsigned", columns("commanded", np.abs)),
+        ("drive at the wrong latitude", stated(latitude="-40 deg")), kind=DRIVEN, detectable=True),
+    *faults(STATEMENT | LEFT_OUT, ("commands unsigned", columns("commanded", np.abs)),
         ("commands unsigned in the last third", columns("commanded", np.abs, 0.67)),
         ("one command of five with the wrong sign", some_back),
         ("half turns called whole", added(lambda log, _: 5e5)),
         ("headings in radians from the middle", columns("attitude", np.radians, 0.5)),
-        ("headings count backwards from the middle", columns("attitude", lambda a: 360.0 - a, 0.5)),
+        ("headings count backwards from the middle",
+        columns("attitude", lambda a: 360.0 - a, 0.5)),
         ("labels exchanged from the middle", columns("axis", swapped, 0.5)),
         ("labels exchanged in one set of seven", columns("axis", swapped, 0.4, 0.54)),
-        ("temperatures without their sign", columns("temperature", np.abs)),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT | LEFT_OUT,
+        ("temperatures without their sign", columns("temperature", np.abs)), detectable=True),
+    *faults(STATEMENT | LEFT_OUT,
         ("waits called turns", columns("commanded", lambda c: 0.0 * c + 360.0)),
-        kind=partial(log, turns=(360, 0)),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("chamber for gyro", by_chamber),
-        kind=partial(log, chamber=True),
-        detectable=True,
-    ),
-    *faults(
-        FROZEN,
+        kind=partial(log, turns=(360, 0)), detectable=True),
+    *faults(STATEMENT, ("chamber for gyro", by_chamber), kind=partial(log, chamber=True),
+        detectable=True),
+    *faults(FROZEN,
         ("thermometers stop at the middle", columns("temperature", lambda t: 0 * t + t[0], 0.5)),
-        (
-            "thermometers stop for a sixth",
-            columns("temperature", lambda t: 0 * t + t[0], 0.5, 0.67),
-        ),
+        ("thermometers stop for a sixth",
+        columns("temperature", lambda t: 0 * t + t[0], 0.5, 0.67)),
         ("thermometer of x dead", columns("temperature", lambda t: 0 * t + 25.0, axes="x")),
         ("headings do not follow from two thirds on", unmoved(0.67)),
         ("headings do not follow", unmoved(0.0)),
         ("headings stop for a sixth", columns("attitude", lambda a: 0 * a + a[0], 0.4, 0.55)),
         ("headings copied from earlier sets", copied("attitude")),
-        ("headings and temperatures copied", copied("attitude temperature")),
-        detectable=True,
-    ),
-    *faults(
-        COARSE,
+        ("headings and temperatures copied", copied("attitude temperature")), detectable=True),
+    *faults(COARSE,
         ("temperatures to 2 degC", columns("temperature", lambda t: np.round(t / 2) * 2)),
-        detectable=True,
-    ),
-    *faults(
-        STATEMENT,
-        ("noise 200 times the stated one", noisy(lambda part: 200.0)),
+        detectable=True),
+    *faults(STATEMENT, ("noise 200 times the stated one", noisy(lambda part: 200.0)),
         ("noise 20 times the stated one", noisy(lambda part: 20.0)),
         ("noise 5 times the stated one", noisy(lambda part: 5.0)),
         ("noise 30 times in a third", noisy(lambda part: 30.0 * (part > 0.67))),
-        ("noise that grows to 20 times", noisy(lambda part: 20.0 * part**2)),
-        kind=STATED,
-    ),
-    *faults(
-        STATEMENT,
-        ("noise 200 times, single turns", noisy(lambda part: 200.0)),
-        kind=partial(log, turns=(360,), stated=True),
-    ),
-    *faults(
-        LEFT_OUT,
-        ("six sets 60 ppm off", sensed(lambda p: 60.0 * ((p > 0.5) & (p < 0.61)))),
+        ("noise that grows to 20 times", noisy(lambda part: 20.0 * part**2)), kind=STATED),
+    *faults(STATEMENT, ("noise 200 times, single turns", noisy(lambda part: 200.0)),
+        kind=partial(log, turns=(360,), stated=True)),
+    *faults(LEFT_OUT, ("six sets 60 ppm off", sensed(lambda p: 60.0 * ((p > 0.5) & (p < 0.61)))),
         ("three sets 30 ppm off", sensed(lambda p: 30.0 * ((p > 0.3) & (p < 0.35)))),
         ("warm-up of 40 ppm", sensed(lambda p: 40.0 * np.exp(-p / 0.04))),
-        ("last two sets 25 ppm off", sensed(lambda p: 25.0 * (p > 0.97))),
-    ),
-    *faults(
-        SHAPE,
-        ("step of 20 ppm", sensed(lambda p: 20.0 * (p > 0.55))),
+        ("last two sets 25 ppm off", sensed(lambda p: 25.0 * (p > 0.97)))),
+    *faults(SHAPE, ("step of 20 ppm", sensed(lambda p: 20.0 * (p > 0.55))),
         ("ripple of 10 ppm, 8 sets", sensed(lambda p: 10.0 * np.sin(2 * np.pi * 53 * p / 8))),
         ("feature of 15 ppm and 2 degC", bump(14.0, 1.0, 15.0)),
         ("feature of 25 ppm and 3 degC", bump(31.0, 1.3, 25.0)),
         ("feature of 6 ppm and 4 degC", bump(24.0, 2.0, 6.0)),
-        ("kink of 3 ppm/degC", kink(17.0, 3.0)),
-        ("kink of -2 ppm/degC", kink(-5.0, -2.0)),
-        ("kink of 1 ppm/degC", kink(17.0, 1.0)),
-        ("kink of 0.5 ppm/degC", kink(10.0, 0.5)),
-    ),
-    *faults(
-        SHAPE,
-        ("step of 60 ppm, single turns", sensed(lambda p: 60.0 * (p > 0.35))),
+        ("kink of 3 ppm/degC", kink(17.0, 3.0)), ("kink of -2 ppm/degC", kink(-5.0, -2.0)),
+        ("kink of 1 ppm/degC", kink(17.0, 1.0)), ("kink of 0.5 ppm/degC", kink(10.0, 0.5))),
+    *faults(SHAPE, ("step of 60 ppm, single turns", sensed(lambda p: 60.0 * (p > 0.35))),
         ("feature of 15 ppm and 2 degC, single turns", bump(20.5, 1.0, 15.0)),
         ("feature of 40 ppm and 3 degC, single turns", bump(20.5, 1.3, 40.0)),
         ("kink of 1 ppm/degC, single turns", kink(22.0, 1.0)),
-        ("kink of 3 ppm/degC, single turns", kink(22.0, 3.0)),
-        kind=SINGLE,
-    ),
-    *faults(
-        STATEMENT,
-        ("verification 20 ppm off", off_proof(lambda t: 20.0)),
+        ("kink of 3 ppm/degC, single turns", kink(22.0, 3.0)), kind=SINGLE),
+    *faults(STATEMENT, ("verification 20 ppm off", off_proof(lambda t: 20.0)),
         ("verification 20 ppm rms off", off_proof(lambda t: 28.0 * np.sin(t / 15.0))),
         ("verification off at one end", off_proof(lambda t: 15.0 * (t > 45.0))),
         ("verification of other labels", columns("axis", swapped, table="verification")),
-        kind=PROVED,
-        detectable=True,
-    ),
-    *faults(
-        frozenset({"hysteresis"}),
+        kind=PROVED, detectable=True),
+    *faults(frozenset({"hysteresis"}),
         ("hysteresis of 10 ppm", sensed(lambda p: 5.0 * np.sin(2 * np.pi * p))),
-        (
-            "thermometers that lag by 1 degC",
-            columns("temperature", lambda t: t - np.sign(np.gradient(t))),
-        ),
-        kind=partial(log, there_and_back=True),
-    ),
-    *faults(
-        frozenset({"gap"}),
-        ("gap of 80 degC", kept(lambda t: (t < -30) | (t > 50))),
-        ("gap of 30 degC", kept(lambda t: (t < 5) | (t > 35))),
-        detectable=True,
-    ),
-    *faults(
-        NOTHING,
-        ("one set number for all", columns("set", np.zeros_like)),
+        ("thermometers that lag by 1 degC",
+        columns("temperature", lambda t: t - np.sign(np.gradient(t)))),
+        kind=partial(log, there_and_back=True)),
+    *faults(frozenset({"gap"}), ("gap of 80 degC", kept(lambda t: (t < -30) | (t > 50))),
+        ("gap of 30 degC", kept(lambda t: (t < 5) | (t > 35))), detectable=True),
+    *faults(NOTHING, ("one set number for all", columns("set", np.zeros_like)),
         ("a set number for every row", columns("set", lambda n: np.arange(len(n)))),
-        ("set numbers start again", columns("set", lambda n: n % 27)),
-        detectable=True,
-    ),
+        ("set numbers start again", columns("set", lambda n: n % 27)), detectable=True),
     *LABORATORY,
 )
+# fmt: on
 
 
 def held(dataset: FogDataset) -> Held:
@@ -647,6 +512,11 @@ def of(turns: Sequence[int] = (360, -360), **more: Any) -> Callable[[int], Held]
 def with_on_it(shape: Shape, turns: Sequence[int] = (360, -360)) -> Callable[[int], Held]:
     """Return the maker of logs of a gyro with something on its curve."""
     return of(turns, curves={"x": lambda heat: quartic(heat) + shape(heat)})
+
+
+def feature(at: float, width: float, heat: Values) -> Values:
+    """Return a feature of 15 ppm."""
+    return np.asarray(15.0 * np.exp(-0.5 * ((heat - at) / width) ** 2))
 
 
 def heap(width_degC: float) -> Callable[[int], Held]:
@@ -796,161 +666,61 @@ NAMED: Sequence[tuple[str, int, str]] = (
     ("another gyro for the last sixth", 0, "misfit model-too-stiff outliers-rejected"),
 )
 
+# fmt: off
 ROWS: Sequence[Row] = (
     *(of_fault(FAULTS, *one) for one in NAMED),
-    of_fault(
-        FAULTS,
-        "proof is the calibrating ramp",
-        0,
-        "contradicts-statement",
-        details={"statement": "verification"},
-        null="residual_scale_factor_error",
-    ),
-    *(
-        row(
-            f"knocked turns, {turns}",
-            but(of(turns), knocked_at_random),
-            "outliers-rejected",
-            seeds=range(8),
-            without="misfit",
-        )
-        for turns in ((360, -360), (360,), (360, 0))
-    ),
+    of_fault(FAULTS, "proof is the calibrating ramp", 0, "contradicts-statement",
+        details={"statement": "verification"}, null="residual_scale_factor_error"),
+    *(row(f"knocked turns, {turns}", but(of(turns), knocked_at_random), "outliers-rejected",
+        seeds=range(8), without="misfit") for turns in ((360, -360), (360,), (360, 0))),
     row("nine sets", of(sets=9), "gap", seeds=(1,), says="far apart"),
-    row(
-        "six sets",
+    row("six sets",
         lambda seed: held(replace(record(seed, sets=6), angle_random_walk_deg_per_sqrt_h=0.002)),
-        "contradicts-statement",
-        seeds=(1,),
-        says="measure more sets (6 ",
-    ),
+        "contradicts-statement", seeds=(1,), says="measure more sets (6 "),
     row("wild turns of stated noise", wild_turns, seeds=(1, 6), without="contradicts-statement"),
-    *(
-        row(
-            f"a wait at 0 degC, steps of {step:g} degC",
-            but(of(), waits(step)),
-            seeds=(2,),
-            without="contradicts-statement",
-        )
-        for step in (0.0, 0.5, 1.0)
-    ),
-    *(
-        row(
-            f"noise 200 times the stated one, {name}",
-            said_quiet(turns, 200.0),
-            "contradicts-statement",
-            seeds=(1,),
-            details={"statement": "angle_random_walk", "noise_ppm": (200.0, 60.0)},
-            clean=said_quiet(turns),
-        )
-        for name, turns in SENSES
-    ),
-    *(
-        row(
-            f"noise as stated, {name}, walk {walk:g}",
-            said_quiet(turns, walk=walk),
-            seeds=range(15),
-            without="misfit contradicts-statement gap",
-        )
-        for name, turns in SENSES
-        for walk in (0.0, 0.05)
-        if walk == 0.0 or len(turns) > 1
-    ),
-    *(
-        row(
-            f"headings of x in radians, {name}",
-            but(of(turns), in_radians("x")),
-            "contradicts-statement",
-            seeds=(2,),
-            details={"statement": "heading_deg"},
-            null=NO_CURVE,
-        )
-        for name, turns in SENSES
-    ),
-    row(
-        "headings of one axis in radians",
-        but(of(axes=("x", "y", "z")), in_radians("x")),
-        "contradicts-statement",
-        seeds=(4,),
-        details={"statement": "heading_deg", "axes": ["x"]},
-    ),
-    *(
-        row(
-            f"feature of 15 ppm and {width:g} degC at {12.3 + 0.37 * seed:.2f} degC",
-            with_on_it(
-                lambda heat, at=12.3 + 0.37 * seed, width=width: (  # type: ignore[misc]
-                    15.0 * np.exp(-0.5 * ((heat - at) / width) ** 2)
-                )
-            ),
-            "misfit",
-            seeds=(seed,),
-            details={"at_degC": (12.3 + 0.37 * seed, 4.0)},
-        )
-        for width in (1.0, 2.0)
-        for seed in range(8)
-    ),
-    row(
-        "a gap of 80 degC",
-        but(of(), where_heat(lambda heat: (heat < -30.0) | (heat > 50.0))),
-        "not-identifiable gap",
-        seeds=(3,),
-        says="no value is given",
-        details={"coefficients": [NO_CURVE]},
-        null="*",
-    ),
-    row(
-        "eight sets missing",
-        but(
-            of(),
-            lambda one, _: only(one, (one.turns.set_number < 20) | (one.turns.set_number > 27)),
-        ),
-        "gap",
-        details={"missing_sets": 8, "widest_degC": (97.0 / 54 * 9, 0.8)},
-    ),
-    row(
-        "a bump that no order follows",
-        heap(5.0),
-        "model-too-stiff misfit",
-        others="",
-        without="outliers-rejected",
-    ),
+    *(row(f"a wait at 0 degC, steps of {step:g} degC", but(of(), waits(step)), seeds=(2,),
+        without="contradicts-statement") for step in (0.0, 0.5, 1.0)),
+    *(row(f"noise 200 times the stated one, {name}", said_quiet(turns, 200.0),
+        "contradicts-statement", seeds=(1,),
+        details={"statement": "angle_random_walk", "noise_ppm": (200.0, 60.0)},
+        clean=said_quiet(turns)) for name, turns in SENSES),
+    *(row(f"noise as stated, {name}, walk {walk:g}", said_quiet(turns, walk=walk), seeds=range(15),
+        without="misfit contradicts-statement gap") for name, turns in SENSES
+        for walk in (0.0, 0.05) if walk == 0.0 or len(turns) > 1),
+    *(row(f"headings of x in radians, {name}", but(of(turns), in_radians("x")),
+        "contradicts-statement", seeds=(2,), details={"statement": "heading_deg"}, null=NO_CURVE)
+        for name, turns in SENSES),
+    row("headings of one axis in radians", but(of(axes=("x", "y", "z")), in_radians("x")),
+        "contradicts-statement", seeds=(4,), details={"statement": "heading_deg", "axes": ["x"]}),
+    *(row(f"feature of 15 ppm and {width:g} degC at {at:.2f} degC",
+        with_on_it(partial(feature, at, width)), "misfit", seeds=(seed,),
+        details={"at_degC": (at, 4.0)})
+        for width in (1.0, 2.0) for seed, at in enumerate(12.3 + 0.37 * np.arange(8))),
+    row("a gap of 80 degC", but(of(), where_heat(lambda heat: (heat < -30.0) | (heat > 50.0))),
+        "not-identifiable gap", seeds=(3,), says="no value is given",
+        details={"coefficients": [NO_CURVE]}, null="*"),
+    row("eight sets missing", but(of(),
+        lambda one, _: only(one, (one.turns.set_number < 20) | (one.turns.set_number > 27))),
+        "gap", details={"missing_sets": 8, "widest_degC": (97.0 / 54 * 9, 0.8)}),
+    row("a bump that no order follows", heap(5.0), "model-too-stiff misfit", others="",
+        without="outliers-rejected"),
     row("two sets", of(sets=2), "not-identifiable", others=""),
     row("verification beyond the calibrated range", proved_beyond, "extrapolation"),
-    row(
-        "a drive that does not close",
-        with_an_open_drive,
-        "not-identifiable",
-        null="heading_error_compensated",
-    ),
-    row(
-        "the example with wild and lost turns", lambda _: SPOILT, "gap outliers-rejected", others=""
-    ),
-    row(
-        "two sets, imported",
-        lambda _: imported(record(0, sets=2), "  soak: 2 h\n"),
-        "not-identifiable outside-published-range",
-        others="",
-        null="*",
-    ),
-    row(
-        "reference at 75 degC, imported",
-        lambda _: imported(record(0), "  reference_temperature: 75 degC\n"),
-        "extrapolation",
-        others="",
-        null=NO_CURVE,
-    ),
-    row(
-        "refused: single turns without a bias",
-        lambda _: imported(record(0, (360,)), "  soak: 5 h\n"),
-        REFUSED,
-        says="conditions.gyro_bias: is missing",
-    ),
-    row(
-        "refused: a drive without a latitude",
-        lambda _: imported(record(0), "  soak: 5 h\n", drive=True),
-        REFUSED,
-        says="conditions.latitude: is missing",
-    ),
+    row("a drive that does not close", with_an_open_drive, "not-identifiable",
+        null="heading_error_compensated"),
+    row("the example with wild and lost turns", lambda _: SPOILT, "gap outliers-rejected",
+        others=""),
+    row("two sets, imported", lambda _: imported(record(0, sets=2), "  soak: 2 h\n"),
+        "not-identifiable outside-published-range", others="", null="*"),
+    row("reference at 75 degC, imported",
+        lambda _: imported(record(0), "  reference_temperature: 75 degC\n"), "extrapolation",
+        others="", null=NO_CURVE),
+    row("refused: single turns without a bias",
+        lambda _: imported(record(0, (360,)), "  soak: 5 h\n"), REFUSED,
+        says="conditions.gyro_bias: is missing"),
+    row("refused: a drive without a latitude",
+        lambda _: imported(record(0), "  soak: 5 h\n", drive=True), REFUSED,
+        says="conditions.latitude: is missing"),
     *refusals(
         EXAMPLE,
         ("dataset.yaml", "turn_sense: heading", "turn_sens: heading", "did you mean"),
@@ -967,3 +737,4 @@ ROWS: Sequence[Row] = (
         ("turns.csv", "\n0,18075.0", "\n0.5,18075.0", "not a whole number"),
     ),
 )
+# fmt: on

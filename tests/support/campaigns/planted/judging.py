@@ -370,23 +370,25 @@ def broken(row: Row, seed: int) -> list[str]:
     seen = row.make(seed).seen()
     flags = [one for one in seen.flags if one["code"] in row.codes]
     messages = [str(one["message"]) for one in flags]
-    found = [f"{code} is not raised" for code in sorted(row.codes - seen.codes)]
-    found += [f"{code} is raised" for code in sorted(row.without & seen.codes)]
+    failures = [f"{code} is not raised" for code in sorted(row.codes - seen.codes)]
+    failures += [f"{code} is raised" for code in sorted(row.without & seen.codes)]
     if row.others is not None:
         beside = seen.codes - row.codes - row.others
-        found += [f"{code} is raised beside it" for code in sorted(beside)]
+        failures += [f"{code} is raised beside it" for code in sorted(beside)]
     if row.details and not any(has_details(one, row.details) for one in flags):
-        found.append(f"no flag has {row.details}, but {flags}")
-    found += [f"nothing says '{text}'" for text in row.says if not any(text in m for m in messages)]
+        failures.append(f"no flag has {row.details}, but {flags}")
+    failures += [
+        f"nothing says '{text}'" for text in row.says if not any(text in m for m in messages)
+    ]
     if REFUSED in row.codes:
         lines = (line for text in messages for line in text.splitlines())
-        found += [f"'{line}' is no sentence" for line in lines if not SENTENCE.fullmatch(line)]
+        failures += [f"'{line}' is no sentence" for line in lines if not SENTENCE.fullmatch(line)]
     if row.below_u is not None and not (0.0 < seen.error_u < row.below_u or not seen.valued):
-        found.append(f"a result is {seen.error_u:.1f} u off")
+        failures.append(f"a result is {seen.error_u:.1f} u off")
     valued = seen.valued if "*" in row.null else seen.valued & row.null
-    found += [f"{name} has a value" for name in sorted(valued)]
-    found += [f"{name} has no value" for name in sorted(row.known - seen.valued)]
-    return [*found, f"flags {sorted(seen.codes)}: {messages}"] if found else []
+    failures += [f"{name} has a value" for name in sorted(valued)]
+    failures += [f"{name} has no value" for name in sorted(row.known - seen.valued)]
+    return [*failures, f"flags {sorted(seen.codes)}: {messages}"] if failures else []
 
 
 def has_details(flag: Mapping[str, Any], details: Mapping[str, Any]) -> bool:

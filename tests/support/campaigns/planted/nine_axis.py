@@ -444,224 +444,78 @@ NAMED: Sequence[tuple[str, int, str]] = (
     ("output in steps of 0.01 deg/s", 1, "coarse-output"),
 )
 
+# fmt: off
 ROWS: Sequence[Row] = (
     *(of_fault(FAULTS, *one) for one in NAMED),
-    of_fault(
-        FAULTS,
-        "southern latitude",
-        0,
-        "contradicts-statement",
-        details={"statement": "latitude", "latitude_deg": (39.9, 1.0)},
-        null="bias",
-    ),
-    of_fault(
-        FAULTS,
-        "encoder graduation 0.01 deg",
-        0,
-        "misfit",
-        details={"amplitude_deg": (0.01, 1e-4)},
-        below_u=4.0,
-    ),
-    *(
-        row(
-            f"turning output in steps of {step:g} deg/s",
-            but(
-                QUIET,
-                each_turn(partial(in_steps, step)),
-            ),
-            "coarse-output",
-            without="outliers-rejected misfit overload one-sense-only",
-            below_u=4.0,
-        )
-        for step in (1e-3, 1e-2)
-    ),
+    of_fault(FAULTS, "southern latitude", 0, "contradicts-statement",
+        details={"statement": "latitude", "latitude_deg": (39.9, 1.0)}, null="bias"),
+    of_fault(FAULTS, "encoder graduation 0.01 deg", 0, "misfit",
+        details={"amplitude_deg": (0.01, 1e-4)}, below_u=4.0),
+    *(row(f"turning output in steps of {step:g} deg/s",
+        but(QUIET, each_turn(partial(in_steps, step))), "coarse-output",
+        without="outliers-rejected misfit overload one-sense-only", below_u=4.0)
+        for step in (1e-3, 1e-2)),
     row("gyro X stands still in each record at rest", but(QUIET, at_rest(stands_still)), "frozen"),
-    row(
-        "a bias changed between positions",
+    row("a bias changed between positions",
         but(QUIET, at_rest(lambda x, _: x + np.array([0.5, 0.0, 0.0]), (2,))),
-        "contradicts-statement",
-        says="a bias changed between the positions",
-    ),
-    *(
-        row(
-            f"encoder {error:g} deg off at {at}",
-            but(QUIET, one_turn(100.0, wild_angle(at, error))),
-            "outliers-rejected",
-            seeds=(3,),
-            details={"what": "encoder", "axis": "X", "count": 1},
-            below_u=4.0,
-        )
-        for at in (0, 1, 30, -2, -1)
-        for error in (0.1, -0.02, 150.0)
-    ),
-    *(
-        row(
-            f"{'braking' if braking else 'spin-up'} in a record at {rate:g} deg/s",
-            but(QUIET, one_turn(rate, spin_up(braking))),
-            "unsteady-rate",
-            seeds=(4,),
-            details={"axis": "X", "rates": [rate]},
-            below_u=4.0,
-        )
-        for rate in (100.0, -100.0, 10.0)
-        for braking in (False, True)
-    ),
-    row(
-        "noisy, coarse and wandering encoders",
-        but(of(static_s=60), wandering_encoder),
-        seeds=range(20),
-        without="unsteady-rate outliers-rejected",
-    ),
-    row(
-        "table 2 % off its rate", of(table_ppm=20000.0), "rate-differs-from-commanded", below_u=4.0
-    ),
+        "contradicts-statement", says="a bias changed between the positions"),
+    *(row(f"encoder {error:g} deg off at {at}", but(QUIET, one_turn(100.0, wild_angle(at, error))),
+        "outliers-rejected", seeds=(3,), details={"what": "encoder", "axis": "X", "count": 1},
+        below_u=4.0) for at in (0, 1, 30, -2, -1) for error in (0.1, -0.02, 150.0)),
+    *(row(f"{'braking' if braking else 'spin-up'} in a record at {rate:g} deg/s",
+        but(QUIET, one_turn(rate, spin_up(braking))), "unsteady-rate", seeds=(4,),
+        details={"axis": "X", "rates": [rate]}, below_u=4.0) for rate in (100.0, -100.0, 10.0)
+        for braking in (False, True)),
+    row("noisy, coarse and wandering encoders", but(of(static_s=60), wandering_encoder),
+        seeds=range(20), without="unsteady-rate outliers-rejected"),
+    row("table 2 % off its rate", of(table_ppm=20000.0), "rate-differs-from-commanded",
+        below_u=4.0),
     row("part turns", but(of(noise=0.01), each_turn(cut_off)), "part-turns", below_u=4.0),
-    row(
-        "the turned gyro alone",
-        of(alone=True),
-        "not-identifiable",
-        null="misalignment",
-        known="scale_factor",
-        below_u=3.5,
-    ),
-    *(
-        row(
-            f"position {position} stood as {really}",
-            of(stands_as={position: really}),
-            "wrong-position",
-            says=f"as in position {really}",
-            details={"position": position},
-            below_u=4.0,
-        )
-        for position, really in ((1, 2), (2, 1), (3, 1), (1, 4), (2, 5), (3, 6))
-    ),
-    *(
-        row(
-            f"positions 1 and 2 exchanged, {place}",
-            of(stands_as={1: 2, 2: 1}),
-            "wrong-position",
-            details={"position": place},
-            below_u=4.0,
-        )
-        for place in (1, 2)
-    ),
-    row(
-        "position 2 skipped",
-        of(positions=(1, 3)),
-        "position-missing published-rule-without-data",
-        below_u=3.5,
-    ),
+    row("the turned gyro alone", of(alone=True), "not-identifiable", null="misalignment",
+        known="scale_factor", below_u=3.5),
+    *(row(f"position {position} stood as {really}", of(stands_as={position: really}),
+        "wrong-position", says=f"as in position {really}", details={"position": position},
+        below_u=4.0) for position, really in ((1, 2), (2, 1), (3, 1), (1, 4), (2, 5), (3, 6))),
+    *(row(f"positions 1 and 2 exchanged, {place}", of(stands_as={1: 2, 2: 1}), "wrong-position",
+        details={"position": place}, below_u=4.0) for place in (1, 2)),
+    row("position 2 skipped", of(positions=(1, 3)), "position-missing published-rule-without-data",
+        below_u=3.5),
     row("a straight gyro", QUIET, "not-significant", details={"name": "nonlinearity"}, below_u=3.5),
     of_fault(FAULTS, "bias 0.8 deg/h up in 3 only", 1, "positions-disagree"),
-    row(
-        "heading 30 arcmin off",
-        of(heading_arcmin=30.0, static_s=600),
-        "heading-differs-from-prior",
-        below_u=4.0,
-    ),
-    row(
-        "wild and lost samples",
-        but(of(static_s=300), wild_and_lost),
-        "outliers-rejected gap",
-        seeds=(3,),
-        below_u=4.0,
-    ),
-    row(
-        "samples that repeat",
-        but(of(static_s=300), repeats),
-        "frozen",
-        seeds=(3,),
-        details={"count": 199, "at_rest": 199, "turning": 0},
-        below_u=4.0,
-    ),
-    *(
-        row(
-            f"gyros at their limit, {'known' if known else 'not known'}",
-            but(QUIET, limited(known)),
-            "overload",
-            known="scale_factor",
-        )
-        for known in (80.0, None)
-    ),
+    row("heading 30 arcmin off", of(heading_arcmin=30.0, static_s=600),
+        "heading-differs-from-prior", below_u=4.0),
+    row("wild and lost samples", but(of(static_s=300), wild_and_lost), "outliers-rejected gap",
+        seeds=(3,), below_u=4.0),
+    row("samples that repeat", but(of(static_s=300), repeats), "frozen", seeds=(3,),
+        details={"count": 199, "at_rest": 199, "turning": 0}, below_u=4.0),
+    *(row(f"gyros at their limit, {'known' if known else 'not known'}", but(QUIET, limited(known)),
+        "overload", known="scale_factor") for known in (80.0, None)),
     row("two rates", of(rates=(5.0, 50.0)), "outside-published-range", below_u=3.5),
-    row(
-        "a bias that wanders",
-        but(
-            of(static_s=600),
-            at_rest(lambda x, count: x + 0.4 * np.sin(np.arange(count) / 90.0)[:, None]),
-        ),
-        "bias-wanders",
-        below_u=4.0,
-    ),
+    row("a bias that wanders", but(of(static_s=600),
+        at_rest(lambda x, count: x + 0.4 * np.sin(np.arange(count) / 90.0)[:, None])),
+        "bias-wanders", below_u=4.0),
     row("no position", of(positions=()), "not-identifiable", null="bias"),
-    row(
-        "one sense alone",
-        but(
-            QUIET,
-            lambda one, _: replace(
-                one, turns=tuple(turn for turn in one.turns if turn.commanded_deg_per_s > 0)
-            ),
-        ),
-        "not-identifiable",
-        null="scale_factor",
-    ),
-    row(
-        "a sense lost",
-        but(
-            QUIET,
-            lambda one, _: replace(
-                one, turns=tuple(turn for turn in one.turns if turn.commanded_deg_per_s != -10.0)
-            ),
-        ),
-        "one-sense-only",
-    ),
-    row(
-        "a stand that leans",
-        but(stands(), leaning_stand),
-        "poses-disagree",
-        seeds=(7,),
-        details={"ratio": (101.5, 100.0)},
-        clean=stands(),
-    ),
-    row(
-        "a field that changes between stands",
-        but(stands(), other_field),
-        "field-wanders",
-        seeds=(8,),
-    ),
-    row(
-        "no known field",
+    row("one sense alone", but(QUIET, lambda one, _: replace(one,
+        turns=tuple(turn for turn in one.turns if turn.commanded_deg_per_s > 0))),
+        "not-identifiable", null="scale_factor"),
+    row("a sense lost", but(QUIET, lambda one, _: replace(one,
+        turns=tuple(turn for turn in one.turns if turn.commanded_deg_per_s != -10.0))),
+        "one-sense-only"),
+    row("a stand that leans", but(stands(), leaning_stand), "poses-disagree", seeds=(7,),
+        details={"ratio": (101.5, 100.0)}, clean=stands()),
+    row("a field that changes between stands", but(stands(), other_field), "field-wanders",
+        seeds=(8,)),
+    row("no known field",
         but(stands(), lambda one, _: replace(one, field_nT=None, field_u_nT=0.0)),
-        "scale-by-convention",
-        seeds=(6,),
-    ),
-    row(
-        "the example with wild and lost rows",
-        lambda _: SPOILT,
-        "gap outliers-rejected",
-        details={"missing_samples": 30},
-        below_u=1.0,
-    ),
-    row(
-        "the example with position 2 turned",
-        lambda _: TURNED_PLATE,
-        "wrong-position",
-        details={"position": 2},
-        known="bias/X bias/Y bias/Z",
-        below_u=2.0,
-    ),
-    row(
-        "the example without position 2",
-        lambda _: WITHOUT_2,
-        "position-missing",
-        details={"position": 2},
-    ),
-    row(
-        "refused: encoder the other way round",
-        lambda _: REVERSED,
-        REFUSED,
-        says="counter-clockwise",
-    ),
+        "scale-by-convention", seeds=(6,)),
+    row("the example with wild and lost rows", lambda _: SPOILT, "gap outliers-rejected",
+        details={"missing_samples": 30}, below_u=1.0),
+    row("the example with position 2 turned", lambda _: TURNED_PLATE, "wrong-position",
+        details={"position": 2}, known="bias/X bias/Y bias/Z", below_u=2.0),
+    row("the example without position 2", lambda _: WITHOUT_2, "position-missing",
+        details={"position": 2}),
+    row("refused: encoder the other way round", lambda _: REVERSED, REFUSED,
+        says="counter-clockwise"),
     *refusals(
         EXAMPLE,
         ("dataset.yaml", "  latitude: 39.9 deg\n", "", "conditions.latitude"),
@@ -679,3 +533,4 @@ ROWS: Sequence[Row] = (
         ("rate.csv", "\nX,1,3,", "\nX,1,1.5,", "times must rise"),
     ),
 )
+# fmt: on

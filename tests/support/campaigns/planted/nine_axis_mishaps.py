@@ -161,6 +161,7 @@ def _copied_static(dataset: NineAxisDataset, rng: np.random.Generator) -> NineAx
 
 PER_DEG = np.pi / 180.0
 
+# fmt: off
 STATIC_FAULTS = (
     Plant("gyro X inverted at rest", ASKEW, still(lambda v, _: _signed(v, 0))),
     Plant("gyros X and Y exchanged at rest", ASKEW, still(lambda v, _: v[:, [1, 0, 2]])),
@@ -173,13 +174,11 @@ STATIC_FAULTS = (
     Plant("accelerometers inverted", ASKEW, force(lambda v: -v)),
     Plant("accelerometers exchanged", ASKEW, force(_columns(1, 0, 2))),
     Plant("accelerometer X 3 mg off", ASKEW, force(lambda v: _added(v, 0, 3e-3))),
-    Plant(
-        "accelerometer X 3 mg off in position 1", ASKEW, force(lambda v: _added(v, 0, 3e-3), (1,))
-    ),
+    Plant("accelerometer X 3 mg off in position 1", ASKEW,
+        force(lambda v: _added(v, 0, 3e-3), (1,))),
     Plant("positions 1 and 2 exchanged", ASKEW, _labels({1: 2, 2: 1})),
-    Plant(
-        "position 1 stood as 4", ASKEW, still(lambda v, _: v - np.array([0.0, 23.078, 0.0]), (1,))
-    ),
+    Plant("position 1 stood as 4", ASKEW,
+        still(lambda v, _: v - np.array([0.0, 23.078, 0.0]), (1,))),
     Plant("southern latitude", ASKEW, _latitude(lambda one: -one)),
     Plant("latitude 2 deg off", ASKEW, _latitude(lambda one: one + 2.0)),
     Plant("latitude of minutes as decimals", ASKEW, _latitude(lambda one: one - 0.36)),
@@ -187,60 +186,33 @@ STATIC_FAULTS = (
     Plant("first twentieth of 2 from 1", RESTLESS | UNEVEN, _from_the_next(0.05)),
     Plant("plate bumped in position 3", RESTLESS, _bumped),
     Plant("position 1 leans by 0.3 deg", ASKEW, _tilted(0.3)),
-    Plant(
-        "bias step of 0.5 deg/h in 2",
-        RESTLESS,
-        still(lambda v, _: _added(v, 0, 0.5 * (np.arange(len(v)) > 40)), (2,)),
-    ),
-    Plant(
-        "bias 0.8 deg/h up from position 2",
-        RESTLESS,
-        still(lambda v, _: _added(v, 1, 0.8), (2, 3, 4, 5, 6)),
-    ),
+    Plant("bias step of 0.5 deg/h in 2", RESTLESS,
+        still(lambda v, _: _added(v, 0, 0.5 * (np.arange(len(v)) > 40)), (2,))),
+    Plant("bias 0.8 deg/h up from position 2", RESTLESS,
+        still(lambda v, _: _added(v, 1, 0.8), (2, 3, 4, 5, 6))),
     Plant("bias 0.8 deg/h up in 3 only", RESTLESS, still(lambda v, _: _added(v, 2, 0.8), (3,))),
-    Plant(
-        "bias drifts 1 deg/h in a record", RESTLESS, still(lambda v, one: _added(v, 0, ramp(one)))
-    ),
-    Plant(
-        "warm-up at rest",
-        RESTLESS,
-        still(lambda v, one: _added(v, 2, 3.0 * np.exp(-one.time_s / 40.0)), (1,)),
-    ),
-    Plant(
-        "burst at rest",
-        RESTLESS | UNEVEN,
-        still(lambda v, _: _added(v, 0, 8.0 * (np.arange(len(v)) % 100 < 20))),
-    ),
-    Plant(
-        "spikes at rest",
-        UNEVEN,
-        still(lambda v, _: _added(v, 1, 50.0 * (np.arange(len(v)) % 40 == 7))),
-    ),
+    Plant("bias drifts 1 deg/h in a record", RESTLESS,
+        still(lambda v, one: _added(v, 0, ramp(one)))),
+    Plant("warm-up at rest", RESTLESS,
+        still(lambda v, one: _added(v, 2, 3.0 * np.exp(-one.time_s / 40.0)), (1,))),
+    Plant("burst at rest", RESTLESS | UNEVEN,
+        still(lambda v, _: _added(v, 0, 8.0 * (np.arange(len(v)) % 100 < 20)))),
+    Plant("spikes at rest", UNEVEN,
+        still(lambda v, _: _added(v, 1, 50.0 * (np.arange(len(v)) % 40 == 7)))),
     Plant("gyro X stuck at rest", STUCK, still(lambda v, _: held(v, 0, 0, len(v)), (1,))),
-    Plant(
-        "gyro Y stuck for half of 2",
-        STUCK,
-        still(lambda v, _: held(v, 1, len(v) // 2, len(v)), (2,)),
-    ),
+    Plant("gyro Y stuck for half of 2", STUCK,
+        still(lambda v, _: held(v, 1, len(v) // 2, len(v)), (2,))),
     Plant("gyro Z reads zero in 3", STUCK | ASKEW, still(lambda v, _: v * [1.0, 1.0, 0.0], (3,))),
-    Plant(
-        "rates at rest in steps of 3 deg/h",
-        frozenset({"coarse-output", "misfit"}),
-        still(lambda v, _: np.round(v / 3.0) * 3.0),
-    ),
+    Plant("rates at rest in steps of 3 deg/h", frozenset({"coarse-output", "misfit"}),
+        still(lambda v, _: np.round(v / 3.0) * 3.0)),
     Plant("gyros of 1 copied to 2", ASKEW | STUCK, _copied_static),
-    Plant(
-        "swing with a period of 70 s",
-        RESTLESS,
-        still(lambda v, one: _added(v, 2, 1.5 * np.sin(0.09 * one.time_s))),
-    ),
-    Plant(
-        "last rows of 1 lifted off",
-        RESTLESS | UNEVEN,
-        still(lambda v, _: np.vstack((v[:-8], v[-8:] + 20.0)), (1,)),
-    ),
+    Plant("swing with a period of 70 s", RESTLESS,
+        still(lambda v, one: _added(v, 2, 1.5 * np.sin(0.09 * one.time_s)))),
+    Plant("last rows of 1 lifted off", RESTLESS | UNEVEN,
+        still(lambda v, _: np.vstack((v[:-8], v[-8:] + 20.0)), (1,))),
     Plant("gyro X rectified", ASKEW, still(lambda v, _: np.abs(v))),
 )
+# fmt: on
 
 
 def turning(
@@ -420,6 +392,7 @@ def _askew(lean_deg: float) -> Spoil:
 REFUSED = frozenset({"refused"})
 STATED = frozenset({"contradicts-statement", "rate-differs-from-commanded"})
 
+# fmt: off
 TURNING_FAULTS = (
     Plant("rates at rest and turning differ by 3 %", ASKEW, turning(own(lambda v, _: 1.03 * v))),
     Plant("turned gyro inverted", STATED, turning(own(lambda v, _: -v))),
@@ -428,144 +401,69 @@ TURNING_FAULTS = (
     Plant("one record in rad/s", STATED | UNEVEN, turning(own(lambda v, _: v * PER_DEG), fastest)),
     Plant("encoder in rad", REFUSED, turning(angle(lambda one: one.encoder_deg * PER_DEG))),
     Plant("encoder the other way round", REFUSED, turning(angle(lambda one: -one.encoder_deg))),
-    Plant(
-        "time in ms",
-        REFUSED | STATED,
-        turning(lambda one, _: replace(one, time_s=1e3 * one.time_s)),
-    ),
+    Plant("time in ms", REFUSED | STATED,
+        turning(lambda one, _: replace(one, time_s=1e3 * one.time_s))),
     Plant("times run backwards", REFUSED, turning(_backwards, fastest), True),
     Plant("clock 300 ppm off in one record", UNEVEN, turning(_stretched(300.0), fastest)),
     Plant("a row lost at 1 deg/s, times closed", UNEVEN, turning(_lost_and_closed, slowest), True),
-    Plant(
-        "offset 8 deg/h in the slowest",
-        UNEVEN,
-        turning(own(lambda v, _: v + 8.0 / 3600.0), slowest),
-    ),
-    Plant(
-        "step of 30 deg/h at 10 deg/s",
-        UNEVEN | {"output-step"},
-        turning(own(lambda v, _: _part(v, 0.5, 1.0, 30.0 / 3600.0)), middle),
-    ),
+    Plant("offset 8 deg/h in the slowest", UNEVEN,
+        turning(own(lambda v, _: v + 8.0 / 3600.0), slowest)),
+    Plant("step of 30 deg/h at 10 deg/s", UNEVEN | {"output-step"},
+        turning(own(lambda v, _: _part(v, 0.5, 1.0, 30.0 / 3600.0)), middle)),
     Plant("bias warms up over the turns", UNEVEN, _in_time(lambda t: 15.0 * np.exp(-t / 400.0))),
     Plant("bias jumps half way through X", UNEVEN, _in_time(lambda t: 8.0 * (t > 100.0))),
     Plant("filter had not settled at 100 deg/s", UNEVEN, turning(own(_lag(6.0)), fastest)),
     Plant("filter had not settled", UNEVEN, turning(own(_lag(4.0)))),
     Plant("clipped at 99.9 deg/s", STUCK, turning(own(_clipped(99.9)))),
     Plant("clipped at exactly 100 deg/s", STUCK, turning(own(_clipped(100.0)))),
-    Plant(
-        "gyro held for half a record",
-        STUCK | UNEVEN,
-        turning(own(lambda v, _: held(v[:, None], 0, len(v) // 2, len(v))[:, 0] - 1e-3), fastest),
-    ),
-    Plant(
-        "gyro reads zero in a record",
-        STUCK | STATED | UNEVEN,
-        turning(own(lambda v, _: 0.0 * v), slowest),
-    ),
-    Plant(
-        "output in steps of 0.01 deg/s",
-        frozenset({"coarse-output"}),
-        turning(own(lambda v, _: np.round(v / 0.01) * 0.01)),
-    ),
+    Plant("gyro held for half a record", STUCK | UNEVEN,
+        turning(own(lambda v, _: held(v[:, None], 0, len(v) // 2, len(v))[:, 0] - 1e-3), fastest)),
+    Plant("gyro reads zero in a record", STUCK | STATED | UNEVEN,
+        turning(own(lambda v, _: 0.0 * v), slowest)),
+    Plant("output in steps of 0.01 deg/s", frozenset({"coarse-output"}),
+        turning(own(lambda v, _: np.round(v / 0.01) * 0.01))),
     Plant("encoder graduation 0.01 deg", UNEVEN, turning(angle(_sine_of_encoder(0.01)))),
-    Plant(
-        "encoder graduation 0.004 deg, twice a turn",
-        UNEVEN,
-        turning(angle(_sine_of_encoder(0.004, 2))),
-    ),
-    Plant(
-        "encoder slips 0.05 deg",
-        UNEVEN,
-        turning(angle(lambda one: one.encoder_deg + 0.05 * (ramp(one) > 0.6)), fastest),
-    ),
-    Plant(
-        "encoder slips 0.0008 deg at 1 deg/s",
-        UNEVEN,
-        turning(angle(lambda one: one.encoder_deg + 8e-4 * (ramp(one) > 0.6)), slowest),
-    ),
-    Plant(
-        "encoder stuck at the end",
-        UNEVEN,
-        turning(
-            angle(
-                lambda one: held(
-                    one.encoder_deg[:, None].copy(), 0, len(one.time_s) - 8, len(one.time_s)
-                )[:, 0]
-            ),
-            slowest,
-        ),
-    ),
-    Plant(
-        "encoder creeps at the end",
-        UNEVEN,
-        turning(
-            angle(lambda one: one.encoder_deg + 0.01 * np.clip(ramp(one) - 0.8, 0.0, None)), slowest
-        ),
-    ),
-    Plant(
-        "encoder one turn too many",
-        UNEVEN,
-        turning(angle(lambda one: one.encoder_deg * 1.001), slowest),
-    ),
+    Plant("encoder graduation 0.004 deg, twice a turn", UNEVEN,
+        turning(angle(_sine_of_encoder(0.004, 2)))),
+    Plant("encoder slips 0.05 deg", UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 0.05 * (ramp(one) > 0.6)), fastest)),
+    Plant("encoder slips 0.0008 deg at 1 deg/s", UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 8e-4 * (ramp(one) > 0.6)), slowest)),
+    Plant("encoder stuck at the end", UNEVEN, turning(angle(lambda one: held(one.encoder_deg[:,
+        None].copy(), 0, len(one.time_s) - 8, len(one.time_s))[:, 0]), slowest)),
+    Plant("encoder creeps at the end", UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 0.01 * np.clip(ramp(one) - 0.8, 0.0, None)),
+        slowest)),
+    Plant("encoder one turn too many", UNEVEN,
+        turning(angle(lambda one: one.encoder_deg * 1.001), slowest)),
     Plant("axis Y a copy of X", STUCK, _copied_axis, True),
     Plant("a record of Y called X", STUCK | UNEVEN, _mislabelled, True),
-    Plant(
-        "spikes while turning",
-        UNEVEN,
-        turning(own(lambda v, one: v + 0.05 * (np.arange(len(v)) % 20 == 3))),
-    ),
-    Plant(
-        "burst while turning",
-        UNEVEN,
-        turning(own(lambda v, _: _part(v, 0.3, 0.45, 0.003)), slowest),
-    ),
+    Plant("spikes while turning", UNEVEN,
+        turning(own(lambda v, one: v + 0.05 * (np.arange(len(v)) % 20 == 3)))),
+    Plant("burst while turning", UNEVEN,
+        turning(own(lambda v, _: _part(v, 0.3, 0.45, 0.003)), slowest)),
     Plant("growing noise", UNEVEN, turning(own(_grown))),
-    Plant(
-        "mains beat",
-        UNEVEN,
-        turning(own(lambda v, one: v + 1e-3 * np.sin(0.045 * one.time_s)), slowest),
-    ),
+    Plant("mains beat", UNEVEN,
+        turning(own(lambda v, one: v + 1e-3 * np.sin(0.045 * one.time_s)), slowest)),
     Plant("stamps jitter by 20 ms", UNEVEN, _jitter),
-    Plant(
-        "encoder noise 0.02 deg",
-        UNEVEN,
-        turning(angle(lambda one: one.encoder_deg + 0.02 * np.sin(1e4 * one.time_s**1.5))),
-    ),
-    Plant(
-        "encoder lies at one angle",
-        UNEVEN,
-        turning(
-            angle(lambda one: one.encoder_deg + 0.02 * (np.mod(one.encoder_deg, 360.0) < 40.0))
-        ),
-    ),
-    Plant(
-        "clipped at 100 deg/s forth only", STUCK, turning(own(lambda v, _: np.minimum(v, 100.0)))
-    ),
-    Plant(
-        "block copied within a record",
-        STUCK,
-        turning(own(lambda v, _: np.concatenate((v[20:40], v[20:]))[: len(v)]), slowest),
-    ),
+    Plant("encoder noise 0.02 deg", UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 0.02 * np.sin(1e4 * one.time_s**1.5)))),
+    Plant("encoder lies at one angle", UNEVEN,
+        turning(angle(lambda one: one.encoder_deg + 0.02 * (np.mod(one.encoder_deg,
+        360.0) < 40.0)))),
+    Plant("clipped at 100 deg/s forth only", STUCK,
+        turning(own(lambda v, _: np.minimum(v, 100.0)))),
+    Plant("block copied within a record", STUCK,
+        turning(own(lambda v, _: np.concatenate((v[20:40], v[20:]))[: len(v)]), slowest)),
     Plant("scale factor drifts 1000 ppm", UNEVEN, _gain_drift(1e-3)),
     Plant("mounted 4 deg askew", STATED | {"cross-axis"}, _askew(4.0)),
-    Plant(
-        "noise ten times at the fastest",
-        UNEVEN,
-        turning(own(lambda v, one: v + 2e-3 * np.sin(1e4 * one.time_s**1.5)), fastest),
-    ),
-    Plant(
-        "even term 1e-7 of the square",
-        UNEVEN,
-        turning(own(lambda v, one: v + 1e-7 * one.commanded_deg_per_s**2)),
-    ),
-    Plant(
-        "time 1 s late from the middle",
-        UNEVEN,
-        turning(lambda one, _: replace(one, time_s=one.time_s + 1.0 * (ramp(one) > 0.5)), middle),
-    ),
-    Plant(
-        "first tenth from the rate before",
-        UNEVEN,
-        turning(own(lambda v, _: _part(v, 0.0, 0.1, -20.0)), middle),
-    ),
+    Plant("noise ten times at the fastest", UNEVEN,
+        turning(own(lambda v, one: v + 2e-3 * np.sin(1e4 * one.time_s**1.5)), fastest)),
+    Plant("even term 1e-7 of the square", UNEVEN,
+        turning(own(lambda v, one: v + 1e-7 * one.commanded_deg_per_s**2))),
+    Plant("time 1 s late from the middle", UNEVEN,
+        turning(lambda one, _: replace(one, time_s=one.time_s + 1.0 * (ramp(one) > 0.5)), middle)),
+    Plant("first tenth from the rate before", UNEVEN,
+        turning(own(lambda v, _: _part(v, 0.0, 0.1, -20.0)), middle)),
 )
+# fmt: on

@@ -367,6 +367,7 @@ EXCITATION = "wrong-excitation slowing-down-factor-outside"
 FACTOR = "slowing-down-factor-outside contradicts-statement"
 LEAK = {"relaxation": 330.0, "residual_nT": (0.0, 0.0, 1.0)}
 
+# fmt: off
 FAULTS: Sequence[Fault] = (
     fault("known coils, x off by 0.3 %", DENIED, cells(factors=(1.003, 1, 1)), "known"),
     fault("known coils, z off by 0.05 %", DENIED, cells(factors=(1, 1, 0.9995)), "known"),
@@ -375,12 +376,8 @@ FAULTS: Sequence[Fault] = (
     fault("four shots, x off by 1 %", FACTOR, cells(factors=(1.01, 1, 1)), "four"),
     fault("four shots, residual field", FACTOR, cells(residual_nT=(1.0, 0.5, -0.5)), "four"),
     fault("single shots lost", SHOTS, volts(lambda v, t, d: np.clip(v, -0.1, 0.1), (0, 13))),
-    fault(
-        "single shots lost, fast exchange",
-        SHOTS,
-        volts(lambda v, t, d: 0 * v, (0, 13)),
-        "fast exchange",
-    ),
+    fault("single shots lost, fast exchange", SHOTS, volts(lambda v, t, d: 0 * v, (0, 13)),
+        "fast exchange"),
     fault("a commanded sign is wrong", SHOTS, stated({5: (1, 1, -1)}), shows=True),
     fault("a commanded field is 1 % off", SHOTS, stated({5: (1.01, 1, 1.01)}), shows=True),
     fault("a commanded field is 0.1 % off", SHOTS, stated({2: (1.001, 1.001, 1)}), shows=True),
@@ -389,27 +386,17 @@ FAULTS: Sequence[Fault] = (
     fault("two polarities exchanged", SHOTS, columns({1: 4, 4: 1})),
     fault("opposite polarities exchanged", SHOTS, columns({1: 10, 10: 1})),
     fault("pairs exchanged", SHOTS, columns({1: 2, 2: 1})),
-    fault(
-        "all xy and xz exchanged",
-        SHOTS,
-        columns({1: 2, 2: 1, 4: 5, 5: 4, 7: 8, 8: 7, 10: 11, 11: 10}),
-    ),
+    fault("all xy and xz exchanged", SHOTS,
+        columns({1: 2, 2: 1, 4: 5, 5: 4, 7: 8, 8: 7, 10: 11, 11: 10})),
     fault("a column copied", SHOTS, columns({4: 1})),
     fault("a column copied, like polarity", SHOTS, columns({10: 1})),
-    fault(
-        "residual field steps",
-        SHOTS,
-        wandering(lambda k: (0, 0.03 * (k % 4 > 1), 0), "residual_nT"),
-    ),
+    fault("residual field steps", SHOTS,
+        wandering(lambda k: (0, 0.03 * (k % 4 > 1), 0), "residual_nT")),
     fault("residual field drifts", SHOTS, wandering(lambda k: (0, 0, 0.005 * k), "residual_nT")),
-    fault(
-        "all fields drift by 0.1 %", SHOTS, wandering(lambda k: (1e-4 * (k % 5),) * 3, "factors")
-    ),
-    fault(
-        "nuclei precess",
-        SHOTS,
-        wandering(lambda k: (0.4 * np.cos(k), 0.4 * np.sin(k), 0), "residual_nT"),
-    ),
+    fault("all fields drift by 0.1 %", SHOTS,
+        wandering(lambda k: (1e-4 * (k % 5),) * 3, "factors")),
+    fault("nuclei precess", SHOTS,
+        wandering(lambda k: (0.4 * np.cos(k), 0.4 * np.sin(k), 0), "residual_nT")),
     fault("pump leaks in three shots", SHOTS, cells((3, 7, 9), **LEAK)),
     fault("light shift in one shot", SHOTS, cells((3,), residual_nT=(0, 0, 1.0))),
     fault("supplies sag in pairs", SHOTS, cells(range(1, 13), factors=(0.997,) * 3)),
@@ -419,17 +406,13 @@ FAULTS: Sequence[Fault] = (
     fault("pick-up of a switched supply", SPOILT, line_V(0.05, 1234.0)),
     fault("field has 50 Hz on it", SPOILT, warped(lambda t, b: 3e-5 * np.sin(314.16 * t))),
     fault("coil current rises", SPOILT, warped(lambda t, b: -5e-4 * (1 - np.exp(-t / 5e-4)))),
-    fault(
-        "coil current rises slowly", SPOILT, warped(lambda t, b: -2e-4 * (1 - np.exp(-t / 2e-2)))
-    ),
+    fault("coil current rises slowly", SPOILT,
+        warped(lambda t, b: -2e-4 * (1 - np.exp(-t / 2e-2)))),
     fault("field droops", SPOILT, warped(lambda t, b: -0.05 * t**2)),
     fault("field droops in one shot", SPOILT, warped(lambda t, b: -0.05 * t**2, (4,))),
     fault("field rises in the end", SPOILT, warped(lambda t, b: 0.05 * t**2)),
-    fault(
-        "field steps within a shot",
-        SPOILT,
-        warped(lambda t, b: 0.004 * np.maximum(t - 0.015, 0), (6,)),
-    ),
+    fault("field steps within a shot", SPOILT,
+        warped(lambda t, b: 0.004 * np.maximum(t - 0.015, 0), (6,))),
     fault("light goes off late", SPOILT, volts(lambda v, t, d: v + 0.3 * np.exp(-t / 1.5e-3))),
     fault("rows lost unseen", SPOILT, warped(lambda t, b: 1e-3 * (t > 0.012))),
     fault("rows lost unseen, few", SPOILT, warped(lambda t, b: 2e-4 * (t > 0.012))),
@@ -441,41 +424,29 @@ FAULTS: Sequence[Fault] = (
     fault("clipped on one side", SPOILT, volts(lambda v, t, d: np.minimum(v, 0.5))),
     fault("detector compresses", SPOILT, volts(lambda v, t, d: np.tanh(v))),
     fault("detector bends", SPOILT, volts(lambda v, t, d: v + 0.1 * v**2)),
-    fault(
-        "burst of noise",
-        SPOILT,
-        volts(lambda v, t, d: v + 0.3 * d.standard_normal(len(v)) * (abs(t - 0.01) < 3e-3)),
-    ),
+    fault("burst of noise", SPOILT,
+        volts(lambda v, t, d: v + 0.3 * d.standard_normal(len(v)) * (abs(t - 0.01) < 3e-3))),
     fault("spikes", SPOILT, volts(lambda v, t, d: v + 0.5 * (d.random(len(v)) < 0.03))),
-    fault(
-        "coupled by a capacitor", SPOILT, volts(lambda v, t, d: lfilter([1, -1], [1, -0.995], v))
-    ),
+    fault("coupled by a capacitor", SPOILT,
+        volts(lambda v, t, d: lfilter([1, -1], [1, -0.995], v))),
     fault("filtered", SPOILT, volts(lambda v, t, d: lfilter(np.ones(8) / 8, 1, v))),
-    fault(
-        "every second sample made up", SPOILT, volts(lambda v, t, d: np.interp(t, t[::2], v[::2]))
-    ),
+    fault("every second sample made up", SPOILT,
+        volts(lambda v, t, d: np.interp(t, t[::2], v[::2]))),
     fault("few bits", SPOILT, volts(lambda v, t, d: np.round(v / 0.125) * 0.125)),
     fault("detector drifts", SPOILT, volts(lambda v, t, d: v + 2.0 * t)),
     fault("detector settles", SPOILT, volts(lambda v, t, d: v + 0.2 * np.exp(-t / 8e-3))),
-    fault(
-        "another shot shines through",
-        SPOILT,
-        lambda one, d: replace(one, volts=one.volts + 0.03 * one.volts[[0]]),
-    ),
-    fault(
-        "signal grows weak in mid-shot",
-        SPOILT,
-        volts(lambda v, t, d: v * np.where(t > 0.012, 0.8, 1.0)),
-    ),
+    fault("another shot shines through", SPOILT,
+        lambda one, d: replace(one, volts=one.volts + 0.03 * one.volts[[0]])),
+    fault("signal grows weak in mid-shot", SPOILT,
+        volts(lambda v, t, d: v * np.where(t > 0.012, 0.8, 1.0))),
     fault("noise alone", SPOILT, volts(lambda v, t, d: 0.01 * d.standard_normal(len(v)), (3,))),
     fault("one recorder's clock is off", SHOTS, warped(lambda t, b: 1e-3 * t, (7,))),
     fault("stamps 0.5 % too fast", DENIED, clock(1.005), "known", True),
     fault("both clocks 0.5 % off", FACTOR, warped(lambda t, b: 5e-3 * t), "known"),
     fault("gyromagnetic ratio off", FACTOR, stated(gyromagnetic_ratio="27.9 Hz/nT"), "known", True),
     fault("wrong isotope", FACTOR, stated(nuclear_spin=2.5), shows=True),
-    fault(
-        "pump and probe exchanged", FACTOR, stated(pump_axis="y", probe_axis="z"), "strong", True
-    ),
+    fault("pump and probe exchanged", FACTOR, stated(pump_axis="y", probe_axis="z"), "strong",
+        True),
     fault("a shot pumped less", SPOILT, cells((4,), polarisation=0.45), "strong"),
     fault("pumping wears off", SPOILT, wandering(lambda k: -0.005 * k, "polarisation"), "strong"),
     fault("a record begins late", SPOILT, cells((4, 9), delay_s=8e-4), "strong"),
@@ -494,37 +465,24 @@ FAULTS: Sequence[Fault] = (
     fault("a record read again", SHOTS, read_again({4: 1})),
     fault("a record read again, strong", SHOTS, read_again({5: 4}), "strong"),
     fault("fields in pT", EXCITATION, stated(dict.fromkeys(range(14), (1e3,) * 3)), shows=True),
-    fault(
-        "fields grow by 0.5 % in mid-course",
-        SHOTS,
-        wandering(lambda k: (0.005 * (k > 6),) * 3, "factors"),
-    ),
+    fault("fields grow by 0.5 % in mid-course", SHOTS,
+        wandering(lambda k: (0.005 * (k > 6),) * 3, "factors")),
     fault("clock of the last seven is off", SHOTS, warped(lambda t, b: 1e-3 * t, range(7, 14))),
     fault("stamps begin at 1 s", DENIED, begun(1.0), shows=True),
     fault("stamps begin at 20 ms", SPOILT, begun(0.02), "strong", True),
     fault("the cell warms", SPOILT, wandering(lambda k: 8.0 * k, "relaxation"), "strong"),
     fault("the vapour grows denser", SPOILT, wandering(lambda k: 2e4 * k, "exchange"), "strong"),
-    *(
-        fault(
-            f"residual field steps along {axis} before shot {place}, {kind}",
-            STEP,
-            stepping(place, axis, size_nT),
-            kind,
-        )
+    *(fault(f"residual field steps along {axis} before shot {place}, {kind}", STEP,
+        stepping(place, axis, size_nT), kind)
         for kind, size_nT in (("opposites", 0.3), ("blocks", 0.3), ("few cycles", 0.5))
-        for place in (4, 7, 8, 10)
-        for axis in "xyz"
-    ),
-    *(
-        fault("residual field steps in mid-course", STEP, stepping(7, "z", 0.3), kind, True)
-        for kind in ("reversal", "known", "strong", "mains")
-    ),
-    *(
-        fault(f"coil {coil} leaks into {into} in one sense", SHOTS, leaking(coil, into, 0.2), kind)
+        for place in (4, 7, 8, 10) for axis in "xyz"),
+    *(fault("residual field steps in mid-course", STEP, stepping(7, "z", 0.3), kind, True)
+        for kind in ("reversal", "known", "strong", "mains")),
+    *(fault(f"coil {coil} leaks into {into} in one sense", SHOTS, leaking(coil, into, 0.2), kind)
         for kind in ("reversal", "few cycles", "caesium")
-        for coil, into in ("xy", "xz", "yz", "zx")
-    ),
+        for coil, into in ("xy", "xz", "yz", "zx")),
 )
+# fmt: on
 
 CLEAN: Sequence[Callable[[int], Made]] = tuple(partial(clean_of, kind) for kind in KINDS)
 USUAL_FLAGS = frozenset(
@@ -617,171 +575,68 @@ NAMED: Sequence[tuple[str, int, str]] = (
     ("stamps begin at 1 s", 0, "contradicts-statement"),
 )
 
+# fmt: off
 ROWS: Sequence[Row] = (
     *(of_fault(FAULTS, *one) for one in NAMED),
-    *(
-        of_fault(FAULTS, name, 1, DENIED, details={"statement": "shots"})
-        for name in (
-            "output inverted for the first half",
-            "coil x the other way in pairs xy",
-        )
-    ),
-    *(
-        of_fault(FAULTS, name, 1, f"{DENIED} {DISAGREE}", says=said, details={"statement": "shots"})
-        for name, said in (
-            ("coil y the other way in pairs xy", "coil y was reversed in the shots of xy"),
-            ("pairs xy taken with the coils xz", "the shots of xy were taken with the coils xz"),
-        )
-    ),
+    *(of_fault(FAULTS, name, 1, DENIED, details={"statement": "shots"})
+        for name in ("output inverted for the first half", "coil x the other way in pairs xy")),
+    *(of_fault(FAULTS, name, 1, f"{DENIED} {DISAGREE}", says=said, details={"statement": "shots"})
+        for name, said in (("coil y the other way in pairs xy",
+        "coil y was reversed in the shots of xy"),
+        ("pairs xy taken with the coils xz", "the shots of xy were taken with the coils xz"))),
     of_fault(FAULTS, "pairs exchanged", 1, DISAGREE),
     of_fault(FAULTS, "nuclei precess", 1, DISAGREE, without=DENIED),
     of_fault(FAULTS, "supplies sag in pairs", 1, DISAGREE, without=DENIED),
     of_fault(FAULTS, "the cell warms", 0, "misfit", says="% faster than that of the first"),
-    of_fault(
-        FAULTS, "the vapour grows denser", 0, "misfit", says="% more slowly than that of the first"
-    ),
-    row(
-        "a shot of another sign",
-        but(
-            shots_from(Cell(residual_nT=RESIDUAL)),
-            shot(
-                5, lambda one, _: replace(one, field_nT=one.field_nT * np.array([1.0, 1.0, -1.0]))
-            ),
-        ),
-        REJECTED,
-        says="commanded field is wrong",
-        details={"shot": "s06"},
-        below_u=4.0,
-    ),
-    *(
-        row(
-            f"output inverted throughout, {late_s:g} s late",
-            but(
-                shots_from(Cell(residual_nT=RESIDUAL, polarisation=0.4, delay_s=late_s)),
-                lambda one, _: replace(
-                    one, shots=[replace(s, voltage_V=-s.voltage_V) for s in one.shots]
-                ),
-            ),
-            seeds=(1,),
-            without=DENIED,
-        )
-        for late_s in (0.0, 6e-4)
-    ),
-    row(
-        "coil constants that are 0.1 % off",
-        shots_from(Cell(factors=(1.001, 0.9995, 1.0008), known=True)),
-        DENIED,
-        details={"statement": "coil_constants"},
-        below_u=4.0,
-    ),
-    row(
-        "a field that the nuclei left",
-        shots_from(Cell(residual_nT=(0.0, 0.0, 12.0))),
-        "residual-field-large",
-        seeds=(5,),
-        says="depolarise the nuclei",
-    ),
-    row(
-        "a residual field of other shots",
-        but(STILL, from_cell(Cell(residual_nT=(0.4, 0.3, 0.2)), *range(0, 14, 3))),
-        DISAGREE,
-        seeds=(6,),
-        clean=STILL,
-    ),
+    of_fault(FAULTS, "the vapour grows denser", 0, "misfit",
+        says="% more slowly than that of the first"),
+    row("a shot of another sign", but(shots_from(Cell(residual_nT=RESIDUAL)),
+        shot(5, lambda one, _: replace(one, field_nT=one.field_nT * np.array([1.0, 1.0, -1.0])))),
+        REJECTED, says="commanded field is wrong", details={"shot": "s06"}, below_u=4.0),
+    *(row(f"output inverted throughout, {late_s:g} s late",
+        but(shots_from(Cell(residual_nT=RESIDUAL, polarisation=0.4, delay_s=late_s)),
+        lambda one, _: replace(one,
+        shots=[replace(s, voltage_V=-s.voltage_V) for s in one.shots])), seeds=(1,),
+        without=DENIED) for late_s in (0.0, 6e-4)),
+    row("coil constants that are 0.1 % off",
+        shots_from(Cell(factors=(1.001, 0.9995, 1.0008), known=True)), DENIED,
+        details={"statement": "coil_constants"}, below_u=4.0),
+    row("a field that the nuclei left", shots_from(Cell(residual_nT=(0.0, 0.0, 12.0))),
+        "residual-field-large", seeds=(5,), says="depolarise the nuclei"),
+    row("a residual field of other shots",
+        but(STILL, from_cell(Cell(residual_nT=(0.4, 0.3, 0.2)), *range(0, 14, 3))), DISAGREE,
+        seeds=(6,), clean=STILL),
     of_fault(FAULTS, "fields in pT", 0, "wrong-excitation"),
-    row(
-        "fields near pump and probe",
-        shots_from(Cell(pattern=((0, 1, 1), *FOURTEEN[1:]), pump=(0.0, 0.7, 0.7))),
-        "baseline",
-    ),
+    row("fields near pump and probe",
+        shots_from(Cell(pattern=((0, 1, 1), *FOURTEEN[1:]), pump=(0.0, 0.7, 0.7))), "baseline"),
     row("few cycles", shots_from(Cell(relaxation=1200.0)), "few-cycles", seeds=(7,)),
-    row(
-        "less than a cycle",
-        shots_from(Cell(relaxation=1200.0, field_nT=38.0)),
-        REJECTED,
-        seeds=(7,),
-        says="nT in x would give 1.5",
-        known="nonorthogonality_angle",
-    ),
-    *(
-        row(
-            f"a shot at its limits of 0.9 V, {'' if full_scale else 'not '}stated",
-            but(STILL, shot(0, clip(0.9, full_scale))),
-            "overload",
-            seeds=(8,),
-            below_u=5.0,
-        )
-        for full_scale in (None, 0.9)
-    ),
-    row(
-        "a shot at its limits of 0.05 V",
-        but(STILL, shot(0, clip(0.05, 0.05))),
-        REJECTED,
-        seeds=(8,),
-        says="saturated",
-    ),
-    row(
-        "pump light in a shot",
-        but(STILL, from_cell(Cell(relaxation=330.0), 5)),
-        REJECTED,
-        seeds=(9,),
-        says="pump light leaked",
-        details={"shot": "s06"},
-        below_u=5.0,
-    ),
-    row(
-        "one shot of noise",
-        but(shots_from(Cell(known=True)), noise_alone),
-        "not-identifiable",
-        null="nonorthogonality_angle",
-    ),
-    row(
-        "gyromagnetic ratio the other way up",
+    row("less than a cycle", shots_from(Cell(relaxation=1200.0, field_nT=38.0)), REJECTED,
+        seeds=(7,), says="nT in x would give 1.5", known="nonorthogonality_angle"),
+    *(row(f"a shot at its limits of 0.9 V, {'' if full_scale else 'not '}stated",
+        but(STILL, shot(0, clip(0.9, full_scale))), "overload", seeds=(8,), below_u=5.0)
+        for full_scale in (None, 0.9)),
+    row("a shot at its limits of 0.05 V", but(STILL, shot(0, clip(0.05, 0.05))), REJECTED,
+        seeds=(8,), says="saturated"),
+    row("pump light in a shot", but(STILL, from_cell(Cell(relaxation=330.0), 5)), REJECTED,
+        seeds=(9,), says="pump light leaked", details={"shot": "s06"}, below_u=5.0),
+    row("one shot of noise", but(shots_from(Cell(known=True)), noise_alone), "not-identifiable",
+        null="nonorthogonality_angle"),
+    row("gyromagnetic ratio the other way up",
         but(STILL, lambda one, _: replace(one, gamma_Hz_per_nT=1.0 / 28.02495)),
-        "slowing-down-factor-outside",
-        seeds=(10,),
-    ),
-    row(
-        "four shots, known coils",
-        shots_from(Cell(pattern=FOUR, known=True)),
-        "not-identifiable",
-        seeds=(4,),
-        others="",
-        null="residual_field",
-        below_u=4.0,
-    ),
-    row(
-        "four shots, nominal coils",
-        shots_from(Cell(pattern=FOUR)),
-        "not-identifiable",
-        seeds=(4,),
-        says="only with the coil constants known",
-        null="nonorthogonality_angle coil_factor residual_field",
-    ),
-    row(
-        "a residual field and coils that differ",
+        "slowing-down-factor-outside", seeds=(10,)),
+    row("four shots, known coils", shots_from(Cell(pattern=FOUR, known=True)), "not-identifiable",
+        seeds=(4,), others="", null="residual_field", below_u=4.0),
+    row("four shots, nominal coils", shots_from(Cell(pattern=FOUR)), "not-identifiable",
+        seeds=(4,), says="only with the coil constants known",
+        null="nonorthogonality_angle coil_factor residual_field"),
+    row("a residual field and coils that differ",
         shots_from(Cell(residual_nT=RESIDUAL, factors=(1.010, 0.995, 1.008))),
-        "unseen-step scale-by-convention",
-        seeds=(2,),
-        others="",
-        below_u=4.0,
-    ),
-    row(
-        "a strong chirp",
-        shots_from(Cell(polarisation=0.6, residual_nT=RESIDUAL)),
-        "chirp",
-        seeds=(1,),
-        says="falls by 21 %",
-        below_u=5.0,
-    ),
-    row(
-        "the example with a spike and a gap",
-        lambda _: SPOILT_TABLE,
-        "outliers-rejected gap scale-by-convention",
-        others="",
-        details={"missing_samples": 140},
-        below_u=1.0,
-    ),
+        "unseen-step scale-by-convention", seeds=(2,), others="", below_u=4.0),
+    row("a strong chirp", shots_from(Cell(polarisation=0.6, residual_nT=RESIDUAL)), "chirp",
+        seeds=(1,), says="falls by 21 %", below_u=5.0),
+    row("the example with a spike and a gap", lambda _: SPOILT_TABLE,
+        "outliers-rejected gap scale-by-convention", others="", details={"missing_samples": 140},
+        below_u=1.0),
     *refusals(
         FOUR_SHOTS,
         ("dataset.yaml", "probe_axis: y", "probe_axis: z", "another axis than pump_axis"),
@@ -800,3 +655,4 @@ ROWS: Sequence[Row] = (
         ("shots.csv", "\n0.00010,-0.15452", "\n0.00010,wild", "'wild' is not a number"),
     ),
 )
+# fmt: on

@@ -24,7 +24,7 @@ from campaigns.planted.judging import (
 from procedures.accelerometer_tumble.analysis import TumbleAnalysis, analyse
 from procedures.accelerometer_tumble.dataset import TumbleDataset
 
-USUAL_FLAGS = frozenset({"not-identifiable", "not-significant"})
+USUAL_FLAGS = frozenset({"not-identifiable"})
 Change = Callable[[TumbleDataset, int], TumbleDataset]
 
 
@@ -95,86 +95,43 @@ def rad(text: str) -> str:
     return f"{float(text) / 57.29578:.6f}"
 
 
+# fmt: off
 ROWS: Sequence[Row] = (
     row("drift", partial(made, Stage(drift_V_per_h=20e-6)), "drift-removed", below_u=3.5),
     row("warming", partial(made, Stage(warms_K=1.0)), "drift-removed", seeds=(8,), below_u=3.5),
-    flag_row(
-        "four readings",
-        lambda one, _: one.only(np.arange(len(one.time_s)) % 48 == 0),
-        "not-identifiable",
-        null="*",
-    ),
-    flag_row(
-        "an angle half a turn off",
+    flag_row("four readings", lambda one, _: one.only(np.arange(len(one.time_s)) % 48 == 0),
+        "not-identifiable", null="*"),
+    flag_row("an angle half a turn off",
         column("encoder_rad", with_rows(20, lambda x: x[20] + np.pi)),
-        "outliers-rejected contradicts-statement",
-        below_u=3.5,
-    ),
-    flag_row(
-        "an output of the other sign",
-        column("output_V", with_rows(20, lambda x: -x[20])),
-        "outliers-rejected",
-        without="contradicts-statement",
-        below_u=3.5,
-    ),
-    flag_row(
-        "a wild angle",
-        column("encoder_rad", with_rows(100, lambda x: x[100] + 30 * ARCSEC)),
-        "outliers-rejected",
-        below_u=3.5,
-    ),
-    flag_row(
-        "meter frozen for 15 rows",
-        column("output_V", with_rows(slice(60, 75), lambda x: x[60])),
-        "frozen",
-        details={"count": 15},
-        below_u=3.5,
-    ),
-    flag_row(
-        "a mounting's outputs copied",
-        column("output_V", with_rows(slice(48, 96), lambda x: x[:48])),
-        "frozen",
-        details={"count": 48},
-        below_u=3.5,
-    ),
-    flag_row(
-        "thermometer frozen",
-        column("temperature_degC", lambda x, one: np.where(one.time_s > 1e3, 23.0, x)),
-        "frozen",
-        below_u=3.5,
-    ),
-    flag_row(
-        "output step of 50 uV",
-        column("output_V", with_rows(slice(60, None), lambda x: x[60:] + 50e-6)),
-        "output-step",
-        details={"time_s": (1500.0, 0.0), "step_V": (50e-6, 5e-6)},
-        below_u=4.0,
-    ),
-    flag_row(
-        "a mounting called another plane",
+        "outliers-rejected contradicts-statement", below_u=3.5),
+    flag_row("an output of the other sign", column("output_V", with_rows(20, lambda x: -x[20])),
+        "outliers-rejected", without="contradicts-statement", below_u=3.5),
+    flag_row("a wild angle", column("encoder_rad", with_rows(100, lambda x: x[100] + 30 * ARCSEC)),
+        "outliers-rejected", below_u=3.5),
+    flag_row("meter frozen for 15 rows",
+        column("output_V", with_rows(slice(60, 75), lambda x: x[60])), "frozen",
+        details={"count": 15}, below_u=3.5),
+    flag_row("a mounting's outputs copied",
+        column("output_V", with_rows(slice(48, 96), lambda x: x[:48])), "frozen",
+        details={"count": 48}, below_u=3.5),
+    flag_row("thermometer frozen",
+        column("temperature_degC", lambda x, one: np.where(one.time_s > 1e3, 23.0, x)), "frozen",
+        below_u=3.5),
+    flag_row("output step of 50 uV",
+        column("output_V", with_rows(slice(60, None), lambda x: x[60:] + 50e-6)), "output-step",
+        details={"time_s": (1500.0, 0.0), "step_V": (50e-6, 5e-6)}, below_u=4.0),
+    flag_row("a mounting called another plane",
         column("plane", lambda x, one: np.where(one.mounting == 1, "ip", x)),
-        "contradicts-statement",
-    ),
-    flag_row(
-        "a mounting called reversed",
-        column("reverse", lambda x, one: np.where(one.mounting == 1, 1.0, x)),
-        "model-too-stiff",
-    ),
+        "contradicts-statement"),
+    flag_row("a mounting called reversed",
+        column("reverse", lambda x, one: np.where(one.mounting == 1, 1.0, x)), "model-too-stiff"),
     row("seven positions", partial(made, Stage(positions=7)), "outside-published-range"),
-    row(
-        "a noisy accelerometer", partial(made, Stage(noise_V=1e-3)), "not-significant", below_u=4.5
-    ),
-    flag_row(
-        "angles of the other sense",
-        reversed_throughout,
-        "contradicts-statement",
-        details={"statement": "theta_deg"},
-    ),
-    flag_row(
-        "the encoder's fifth harmonic",
-        column("encoder_rad", lambda x, _: x + 5 * ARCSEC * np.cos(5 * x)),
-        "misfit",
-    ),
+    row("a noisy accelerometer", partial(made, Stage(noise_V=1e-3)), "not-significant",
+        below_u=4.5),
+    flag_row("angles of the other sense", reversed_throughout, "contradicts-statement",
+        details={"statement": "theta_deg"}),
+    flag_row("the encoder's fifth harmonic",
+        column("encoder_rad", lambda x, _: x + 5 * ARCSEC * np.cos(5 * x)), "misfit"),
     refused("in deg", lambda r: [*r[:4], *map(rad, r[4:6]), *r[6:]]),
     refused("of one sense", lambda r: [*r[:5], rad(r[5]), *r[6:]]),
     refused("of one sense", lambda r: [*r[:5], f"{-float(r[5]):.6f}", *r[6:]]),
@@ -183,3 +140,4 @@ ROWS: Sequence[Row] = (
     refused("turned about IA", lambda r: [*r[:2], "180" if r[2] == "1" else "0", *r[3:]]),
     refused("times must rise", lambda r: ["0", *r[1:]]),
 )
+# fmt: on
