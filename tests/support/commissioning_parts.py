@@ -43,12 +43,6 @@ def plan_of(*parts: str) -> dict[str, Any]:
     return plan
 
 
-def fitted_parts(bench: str) -> list[str]:
-    """Return the parts that a shipped bench can do."""
-    read = read_bench(find(BENCHES, bench), registry.names(registry.DRIVERS))
-    return [part.name for part in PARTS if part.is_possible(read)]
-
-
 def whole_plan_of(part: str, bench: str = "sim") -> dict[str, Any]:
     """Return the plan of a part, fitted, with all that an engineer knows of a simulated bench."""
     plan = plan_of(part)

@@ -16,7 +16,6 @@ Curve = Callable[[Array], Array]
 SET_S, RAMP_S, TURN_S, PAUSE_S, AXIS_S = 600.0, 18000.0, 47.0, 2.0, 173.0
 NOISE_DEG = 0.00036
 """One ppm of a turn."""
-NEW_NUMBER = 100.0
 
 
 def quartic(heat_degC: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The accelerometer analysis on small or odd records: warming, a large offset, no field."""
+"""The accelerometer analysis on small or odd records: warming, few rows, no input."""
 
 from __future__ import annotations
 

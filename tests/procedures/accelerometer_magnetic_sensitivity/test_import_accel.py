@@ -1,4 +1,4 @@
-"""Imported accelerometer datasets: the examples within tolerance, every fault in one sentence."""
+"""Imported accelerometer datasets: the examples within tolerance, and their report."""
 
 from __future__ import annotations
 

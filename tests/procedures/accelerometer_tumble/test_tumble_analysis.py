@@ -1,4 +1,4 @@
-"""The solution of made readings: truth within u, plausible but wrong data right or flagged."""
+"""The solution of made readings: truth within u, and what the mountings determine."""
 
 from __future__ import annotations
 

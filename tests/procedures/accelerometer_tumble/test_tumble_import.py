@@ -1,4 +1,4 @@
-"""Imported positions: the example within tolerance, data in another unit or sense refused."""
+"""Imported positions: the example within tolerance, inputs of the budget, the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chamber's part on the simulated benches: healthy ones pass, planted faults are named."""
+"""The chamber's part on the simulated benches: healthy ones pass, all in the air are named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clocks: healthy ones raise no alarm, those that are off are named, u holds what it states."""
+"""Clocks: healthy ones raise no alarm, u holds what it states."""
 
 from __future__ import annotations
 

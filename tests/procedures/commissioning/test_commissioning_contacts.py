@@ -1,4 +1,4 @@
-"""Contacts: a healthy door passes, each planted fault is named; an open chain ends the run."""
+"""Contacts: a healthy door passes, one that follows once is loose; an open chain ends the run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lines' part on the simulated benches: healthy ones pass, planted faults are named."""
+"""The lines' part: healthy benches pass, figures of answers, kept errors, a pulled cable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table's part on the simulated benches: healthy ones pass, each planted fault is named."""
+"""The table's part: healthy benches pass, a navigator stands in, a sensor upside down."""
 
 from __future__ import annotations
 

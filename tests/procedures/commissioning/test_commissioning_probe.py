@@ -1,4 +1,4 @@
-"""The probe's part on the simulated bench: its place is measured, one off centre is named."""
+"""The probe's part on the simulated bench: its place is measured, or not decided."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rotary stage and laser gyro on the simulated benches, healthy and with planted faults."""
+"""Rotary stage and laser gyro on the simulated benches: healthy ones, and what is not decided."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The supplies' part on the simulated benches: healthy ones pass, each planted fault is named."""
+"""The supplies' part on the simulated benches: healthy ones pass, limits are the plan's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bias over temperature: the example within tolerance, truth recovered, what is not determined."""
+"""Bias over temperature: the example within tolerance, truth recovered, the report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of known gyros: results at the bound, and what a lean, a drift or a wrong stamp does."""
+"""Records of known gyros: results at the bound, the scatter of switch-ons, the curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imported records of a rate table: the example within tolerance, wrong data refused or flagged."""
+"""Imported records of a rate table: the example within tolerance, stamps, counts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The noise of a gyro at rest recovered: bounds, coverage, and what mishaps do to it."""
+"""The noise of a gyro at rest recovered: bounds, coverage, long gaps, repeatability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The analysis of a nine-axis sensor: truth, heading, rates, wrong positions, poor data."""
+"""The analysis of a nine-axis sensor: truth, heading, rates, bounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Imported nine-axis datasets: the example within tolerance, every fault in one sentence."""
+"""Imported nine-axis datasets: the example within tolerance, published rules, the report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of a nine-axis record that no noise shows: mountings, table axes, encoder, spin-up."""
+"""Mountings and table axes of a nine-axis record: what no noise shows is in u."""
 
 from __future__ import annotations
 

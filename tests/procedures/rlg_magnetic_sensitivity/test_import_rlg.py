@@ -1,4 +1,4 @@
-"""Imported laser-gyro datasets: the examples within tolerance, every fault in one sentence."""
+"""Imported laser-gyro datasets: the examples within tolerance, and what stamps mean."""
 
 from __future__ import annotations
 

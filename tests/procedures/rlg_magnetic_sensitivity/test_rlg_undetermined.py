@@ -6,14 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from rlg_records import TRUTH, analysed, off_in_u, record
 
 from procedures.rlg_magnetic_sensitivity.dataset import Segment
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.spectrum_plot import spectrum
-
-Array = NDArray[np.float64]
 
 
 def cut(segment: Segment, count: int) -> Segment:

@@ -12,7 +12,7 @@ from serf_shots import FOUR, Cell, bound_of_frequency
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.angles import solve
 from procedures.serf_nonorthogonality.checks import closed_form, published_angles
-from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset
+from procedures.serf_nonorthogonality.dataset import SerfAnalysis
 
 RESIDUAL, COILS = (1.0, -0.6, 0.8), (1.010, 0.995, 1.008)
 GAMMA = 2.0 * np.pi * 28.02495
@@ -35,12 +35,6 @@ def bound_deg(cell: Cell) -> np.ndarray:
     variance = np.diag(bound_of_frequency(low) ** 2)
     found = solve(low.commanded_nT, low.frequency_rad_per_s(), variance, known=low.known)
     return np.degrees(np.sqrt(np.diag(found.covariance)[3:6]))
-
-
-def changed(dataset: SerfDataset, number: int, volts: np.ndarray, **more: object) -> SerfDataset:
-    shots = list(dataset.shots)
-    shots[number] = replace(shots[number], voltage_V=volts, **more)  # type: ignore[arg-type]
-    return replace(dataset, shots=shots)
 
 
 @pytest.mark.parametrize(

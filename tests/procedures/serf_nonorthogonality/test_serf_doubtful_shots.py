@@ -1,4 +1,4 @@
-"""Faults planted in shots, the short form of `benchmarks/sabotage.py`: none stays unnamed."""
+"""Doubted coil constants, lost shots, tones that fade: what each is worth in u."""
 
 from __future__ import annotations
 
