@@ -137,10 +137,8 @@ def attacked_run(
     """Start a run of a plan in its short form on a served bench; at the end nothing of it lives."""
     short = (*SHORT_FORMS.get(plan, ()), *SHORTER.get(plan, ()))
     changes = [part for one in short for part in ("--set", one)]
-    command = station_command(
-        *("run", plan, *changes, "--served", bench.head, "--non-interactive"),
-        *("--output", parent),
-    )
+    command = station_command("run", plan, *changes, "--non-interactive")
+    command += ["--served", str(bench.head), "--output", str(parent)]
     mark, words = uuid.uuid4().hex, place / "words.txt"
     # A bench that is refused after a trip is refused to this run alone.
     around = {**os.environ, "XDG_STATE_HOME": str(place / "state")}
