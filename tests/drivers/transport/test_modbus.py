@@ -17,7 +17,7 @@ from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer
-from station.errors import InstrumentError, InstrumentTimeout
+from station.errors import InstrumentError
 from station.instruments.opening import Place
 
 SETTINGS = ModbusSettings(baud_rate=19200)
@@ -178,46 +178,6 @@ def test_an_exception_is_told_in_words_and_leaves_the_line_open(
         assert modbus.read(2730) == [62]
         assert b"reopened" not in [data for _, data in fixture.heard]
         modbus.close()
-
-
-WIRE_FAULTS = {
-    ("f4t", "no-reply"): "no answer came within 0.5 s",
-    ("f4", "no-reply"): "no answer came within 0.5 s",
-    ("f4t", "late"): "no answer came within 0.5 s",
-    ("f4", "late"): "no answer came within 0.5 s",
-    ("f4t", "lost-command"): "no answer came within 0.5 s",
-    ("f4", "lost-command"): "no answer came within 0.5 s",
-    ("f4t", "partial"): "which is no whole answer, within 0.5 s",
-    ("f4", "partial"): "which is no whole answer, within 0.5 s",
-    ("f4t", "dropped-connection"): "the line broke",
-    ("f4", "dropped-connection"): "the line broke",
-    ("f4t", "previous-reply"): "the answer is to another request",
-    ("f4", "wrong-crc"): "the answer has a wrong check sum",
-    ("f4", "garbled"): "",
-}
-
-
-@pytest.mark.parametrize(("model", "kind"), WIRE_FAULTS)
-def test_a_fault_on_the_wire_is_told_and_the_next_exchange_is_right(model: str, kind: str) -> None:
-    address, count = PROCESS[model]
-    fault = {"fault": kind, "command": f"read {address}", "nth": 2}
-    with line(model, fault) as (fixture, modbus):
-        before = modbus.read(address, count)
-        text = told(lambda: modbus.read(address, count))
-        assert f"{NAME}: read register {address}: " in text
-        assert WIRE_FAULTS[model, kind] in text
-        assert "; check" in text
-        fixture.clock.sleep(3.0)  # a late answer comes meanwhile, and is nobody's
-        assert modbus.read(2730 if model == "f4t" else 606) == [62 if model == "f4t" else 1]
-        after = modbus.read(address, count)
-        assert after != before or model == "f4"
-
-
-def test_an_exchange_never_takes_longer_than_half_a_second() -> None:
-    with line("f4t", {"fault": "no-reply"}) as (fixture, modbus):
-        began_s = fixture.clock.now()
-        told(lambda: modbus.read(2730), InstrumentTimeout)
-        assert fixture.clock.now() - began_s == pytest.approx(0.5)
 
 
 def test_frames_on_a_serial_line_are_kept_apart_by_silence() -> None:

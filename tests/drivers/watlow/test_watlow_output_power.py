@@ -11,8 +11,7 @@ import pytest
 from watlow_fixture import Fixture, Room, controller
 
 from drivers.watlow.output_power import WatlowOutputPower
-from station.errors import InputError, InstrumentError
-from station.roles import DutPower
+from station.errors import InstrumentError
 
 
 @contextmanager
@@ -31,8 +30,6 @@ def told(act: Any) -> str:
 
 def test_the_output_switches_the_device_of_the_world_and_says_so() -> None:
     with power() as (fixture, driver):
-        assert isinstance(driver, DutPower)
-        assert driver.identify().serial == "10423177"
         driver.switch_on()
         assert fixture.room.acts == ["dut-power-on"]
         assert driver.read_quantity("output") == "on"
@@ -86,25 +83,3 @@ def test_an_output_that_is_not_there_is_told_in_words() -> None:
         assert "correct settings.output" in text
     with power(output="2.2") as (_, driver):
         assert "it does not take this value" in told(driver.switch_on)
-
-
-@pytest.mark.parametrize(
-    "settings", [{"output": ""}, {"output": "2"}, {"event": 9}, {"event": "a"}]
-)
-def test_settings_that_are_none_are_told(settings: dict[str, Any]) -> None:
-    with controller("f4t") as fixture:
-        place = fixture.place(**{"output": "2.1", **settings})
-        assert "read the bench file" in told(lambda: WatlowOutputPower(place))
-
-
-def test_what_it_does_not_measure_is_an_error_of_the_bench_file() -> None:
-    with power() as (_, driver), pytest.raises(InputError, match="does not read 'voltage'"):
-        driver.read_quantity("voltage")
-
-
-def test_a_lost_answer_is_told_and_the_output_can_be_asked_again() -> None:
-    fault = {"fault": "no-reply", "command": "write 33958"}
-    with power(fault) as (fixture, driver):
-        assert "no answer came" in told(driver.switch_on)
-        assert driver.read_quantity("output") == "on"
-        assert fixture.room.acts == ["dut-power-on"]

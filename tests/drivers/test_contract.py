@@ -1,0 +1,262 @@
+"""Every driver against every fault of its wire, over its simulator's real line on virtual time.
+
+What each owes when nobody, or another, answers the question who is there, the conformance tests
+ask of every driver (`tests/station/instruments/test_conformance.py`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from our_drivers import CASES, Case, bench_for, driver_of, stood
+from wires import HANG_UP, Acts, Pause, Replay, no_thread_left
+
+from sim_instruments.faults.catalogue import wire_faults
+from sim_instruments.faults.wire import CAN, FRAMES, MODBUS_TCP
+from station import registry
+from station.clock import RealClock
+from station.conformance.faulty_server import moved_to
+from station.errors import InstrumentError
+from station.instruments.opening import Place
+from station.roles.role import role
+
+DEADLINE_S = 0.51
+SETTLES_S = 3.0
+SILENT = r"no \w+ came within 0\.5 s"
+TWO_ANSWERS = "more than one answer|more came behind"
+ANOTHERS = "came back|RDGMODE. answers|is no reading"
+BROKEN = "the line broke"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What one fault of the wire is to the simulators, and what an error of it states.
+
+    Where it only breaks the line or `doubles` an answer, a question that does no harm is asked
+    again; where the answer is whole and `foreign`, it is not. `later`: what comes too much is met
+    by the next message, which may be in doubt then.
+    """
+
+    states: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    doubles: bool = False
+    foreign: bool = False
+    later: bool = False
+
+
+def stray(where: str) -> Mapping[str, Any]:
+    return {"fault": "stray-line", "where": where}
+
+
+FAULTS: Mapping[str, Fault] = {
+    "no-reply": Fault(SILENT),
+    "lost-command": Fault(SILENT),
+    "lost-frame": Fault(SILENT),
+    "late": Fault(SILENT),
+    "partial": Fault(f"without the end|no whole answer|none of its messages|{SILENT}", later=True),
+    "garbled": Fault(f"no text|wrong check sum|does not begin|{SILENT}"),
+    "wrong-crc": Fault(f"wrong check sum|{SILENT}"),
+    "wrong-terminator": Fault("without the end of an answer"),
+    "previous-reply": Fault(f"{ANOTHERS}|to another request|{SILENT}", foreign=True),
+    "nan": Fault("NaN"),
+    "flood": Fault(r"more than \d+ bytes came without the end", {"bytes": 2_000_000}),
+    "dropped-connection": Fault(BROKEN, doubles=True),
+    "reset": Fault(BROKEN, doubles=True),
+    "stray line ahead": Fault(f"{ANOTHERS}|only .* came|reads", stray("ahead"), later=True),
+    "stray line before": Fault(f"{TWO_ANSWERS}|came back", stray("before"), doubles=True),
+    "stray line behind": Fault(TWO_ANSWERS, stray("behind"), doubles=True),
+    "stray line after": Fault(TWO_ANSWERS, stray("after"), doubles=True, later=True),
+    "duplicate-reply": Fault(TWO_ANSWERS, doubles=True),
+    "duplicate-reply later": Fault(
+        TWO_ANSWERS, {"fault": "duplicate-reply", "delay": "1 ms"}, doubles=True, later=True
+    ),
+}
+
+
+def options_of(fault: str) -> dict[str, Any]:
+    return {"fault": fault, **FAULTS[fault].options}
+
+
+def line_of(case: Case) -> str:
+    """Return the protocol of a case's line; empty where it has none of its own."""
+    driver = driver_of(case)
+    has_line = driver in registry.names(registry.SIMULATORS)
+    return str(registry.load(registry.SIMULATORS, driver).protocol) if has_line else ""
+
+
+LINES = {name: line for name, case in CASES.items() if (line := line_of(case))}
+TAKES_NAN = pytest.mark.xfail(reason="a NaN is published as the device's current", strict=True)
+MET = [
+    pytest.param(
+        name,
+        fault,
+        id=f"{name}-{fault}",
+        marks=[TAKES_NAN] if (name, fault) == ("keysight-e36312a", "nan") else [],
+    )
+    for name, line in LINES.items()
+    for fault in FAULTS
+    if options_of(fault)["fault"] in wire_faults(line)
+    and fault not in CASES[name].untouched
+    # A frame on a CAN bus has the bus's own check sum.
+    and not (fault == "garbled" and line in CAN)
+]
+
+
+def test_every_driver_and_every_fault_of_a_wire_is_here() -> None:
+    ours = {
+        name
+        for name in registry.names(registry.DRIVERS)
+        if registry.load(registry.DRIVERS, name).__module__.startswith("drivers.")
+    }
+    assert {driver_of(case) for case in CASES.values()} == ours
+    kinds = {options_of(fault)["fault"] for fault in FAULTS}
+    assert kinds == {kind for line in LINES.values() for kind in wire_faults(line)}
+
+
+def clear(error: InstrumentError, name: str, states: str) -> bool:
+    """Whether an error is one sentence: instrument, what was attempted, what came, what to do."""
+    what, _, do_now = str(error).rpartition("; ")
+    return (
+        error.instrument == name
+        and len(what.split(": ")) >= 3
+        and bool(do_now.strip())
+        and "\n" not in str(error)
+        and re.search(states, what) is not None
+    )
+
+
+@pytest.mark.parametrize(("name", "fault"), MET)
+def test_one_fault_is_borne_or_one_sentence_in_time_and_the_next_answers_are_right(
+    name: str, fault: str
+) -> None:
+    case, of, streams = CASES[name], FAULTS[fault], LINES[name] in CAN | FRAMES
+    with stood(name) as fixture:
+        instrument = fixture.open()
+        assert instrument.identify() == case.identity
+        case.prepare(fixture, instrument)
+        right = case.ask(fixture, instrument)
+        if isinstance(right, float):
+            right = pytest.approx(right, rel=0.2)
+        instrument.identify()  # the answer before is none of this question
+        meets = {"instrument": case.name, "command": case.command, "count": 1}
+        fixture.simulation.inject({**meets, **options_of(fault)})
+        fixture.heard.clear()
+        again = case.patient and not of.foreign
+        again = again or (of.doubles and not (case.asked_once or streams))
+        borne = case.bears.get(fault, again)
+        answer, error = asked(lambda: case.ask(fixture, instrument))
+        assert fixture.simulation._faults[case.name].all[-1].trigger.met == 1
+        if error is not None:
+            asked_s = max(time_s for time_s, way, _ in fixture.heard if way == ">")
+            assert fixture.clock.now() - asked_s <= DEADLINE_S
+            assert not borne or of.later
+            assert clear(error, case.name, of.states), error
+        elif not of.later:
+            assert borne and answer == right
+        answers = []
+        for _ in range(3):
+            fixture.clock.sleep(SETTLES_S)  # what is late comes meanwhile, and is nobody's
+            answers.append(asked(lambda: case.ask(fixture, instrument)))
+        if streams and of.states == BROKEN:  # outputs are missing: it is started again by a person
+            assert all(error is not None and BROKEN in str(error) for _, error in answers)
+        else:
+            first, *others = answers
+            assert first[0] == right or (of.later and first[1] is not None)
+            assert [answer for answer, _ in others] == [right, right]
+        instrument.close()
+        instrument.close()
+
+
+def asked(act: Callable[[], Any]) -> tuple[Any, InstrumentError | None]:
+    """Return what an act brings: an answer, or an error of the instrument."""
+    try:
+        return act(), None
+    except InstrumentError as error:
+        return None, error
+
+
+STREAMS = [name for name, line in LINES.items() if line in CAN | FRAMES]
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_a_line_that_ends_under_a_stream_is_reported(name: str) -> None:
+    with stood(name) as fixture:
+        source, declared = fixture.open(), role(fixture.role)
+        assert declared is not None and declared.start_samples is not None
+        declared.start_samples(source)
+        fixture.clock.sleep(4.0)
+        assert len(source.drain())
+        fixture.simulation.inject({"instrument": CASES[name].name, "fault": "port-gone"})
+        fixture.clock.sleep(SETTLES_S)
+        reported = (asked(source.drain)[1] for _ in range(50))  # a reader needs a moment
+        error = next((error for error in reported if error is not None), None)
+        assert error is not None and clear(error, CASES[name].name, BROKEN), error
+        source.close()
+        source.close()
+
+
+# On real time, with the answers that the instrument gave to who it is.
+
+REPLAYED = [name for name, line in LINES.items() if line not in CAN]
+
+
+def recorded(name: str) -> tuple[dict[bytes, bytes], str]:
+    """Return each request of an identity with its answer, and the address they went to."""
+    with stood(name) as fixture:
+        fixture.open().identify()
+        answers: dict[bytes, bytes] = {}
+        for _, way, data in fixture.heard:
+            if way == ">":
+                answers[request := data] = b""
+            elif way == "<":
+                answers[request] += data
+        return answers, fixture.address
+
+
+@contextmanager
+def replayed(name: str, acts: Callable[[bytes], Acts]) -> Iterator[Any]:
+    """Yield the driver of a case, with a wire in its instrument's place that plays its answers."""
+    case, (answers, address) = CASES[name], recorded(name)
+    entry = bench_for(name).instruments[case.name]
+    numbered = 2 if LINES[name] in MODBUS_TCP else 0
+    with no_thread_left(), Replay(answers, acts, numbered) as wire:
+        place = Place(
+            case.name,
+            str(moved_to(address, wire.port)),
+            RealClock(),
+            entry.settings,
+            entry.limits,
+        )
+        instrument = registry.load(registry.DRIVERS, driver_of(case))(place)
+        yield instrument
+        assert wire.requests
+        instrument.close()
+        instrument.close()
+
+
+def in_pieces(answer: bytes) -> Acts:
+    cut = len(answer) // 2
+    return (answer[:cut], Pause(0.01), answer[cut:-1], Pause(0.01), answer[-1:])
+
+
+def ends_in_the_middle(answer: bytes) -> Acts:
+    return (answer[: len(answer) // 2], HANG_UP)
+
+
+@pytest.mark.parametrize("name", REPLAYED)
+def test_an_answer_in_pieces_is_put_together(name: str) -> None:
+    with replayed(name, in_pieces) as instrument:
+        assert instrument.identify() == CASES[name].identity
+
+
+@pytest.mark.parametrize("name", REPLAYED)
+def test_a_line_that_ends_in_the_middle_of_an_answer_is_reported(name: str) -> None:
+    with replayed(name, ends_in_the_middle) as instrument:
+        with pytest.raises(InstrumentError) as raised:
+            instrument.identify()
+        assert clear(raised.value, CASES[name].name, BROKEN), raised.value
