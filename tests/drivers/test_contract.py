@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from our_drivers import CASES, Case, bench_for, driver_of, stood
+from our_drivers import CASES, bench_for, driver_of, name_of, stood
 from wires import HANG_UP, Acts, Pause, Replay, no_thread_left
 
 from sim_instruments.faults.catalogue import wire_faults
@@ -82,14 +82,14 @@ def options_of(fault: str) -> dict[str, Any]:
     return {"fault": fault, **FAULTS[fault].options}
 
 
-def line_of(case: Case) -> str:
+def line_of(case_name: str) -> str:
     """Return the protocol of a case's line; empty where it has none of its own."""
-    driver = driver_of(case)
+    driver = driver_of(case_name)
     has_line = driver in registry.names(registry.SIMULATORS)
     return str(registry.load(registry.SIMULATORS, driver).protocol) if has_line else ""
 
 
-LINES = {name: line for name, case in CASES.items() if (line := line_of(case))}
+LINES = {name: line for name in CASES if (line := line_of(name))}
 TAKES_NAN = pytest.mark.xfail(reason="a NaN is published as the device's current", strict=True)
 MET = [
     pytest.param(
@@ -113,7 +113,7 @@ def test_every_driver_and_every_fault_of_a_wire_is_here() -> None:
         for name in registry.names(registry.DRIVERS)
         if registry.load(registry.DRIVERS, name).__module__.startswith("drivers.")
     }
-    assert {driver_of(case) for case in CASES.values()} == ours
+    assert set(map(driver_of, CASES)) == ours
     kinds = {options_of(fault)["fault"] for fault in FAULTS}
     assert kinds == {kind for line in LINES.values() for kind in wire_faults(line)}
 
@@ -143,19 +143,19 @@ def test_one_fault_is_borne_or_one_sentence_in_time_and_the_next_answers_are_rig
         if isinstance(right, float):
             right = pytest.approx(right, rel=0.2)
         instrument.identify()  # the answer before is none of this question
-        meets = {"instrument": case.name, "command": case.command, "count": 1}
+        meets = {"instrument": fixture.name, "command": case.command, "count": 1}
         fixture.simulation.inject({**meets, **options_of(fault)})
         fixture.heard.clear()
         again = case.patient and not of.foreign
         again = again or (of.doubles and not (case.asked_once or streams))
         borne = case.bears.get(fault, again)
         answer, error = asked(lambda: case.ask(fixture, instrument))
-        assert fixture.simulation._faults[case.name].all[-1].trigger.met == 1
+        assert fixture.simulation._faults[fixture.name].all[-1].trigger.met == 1
         if error is not None:
             asked_s = max(time_s for time_s, way, _ in fixture.heard if way == ">")
             assert fixture.clock.now() - asked_s <= DEADLINE_S
             assert not borne or of.later
-            assert clear(error, case.name, of.states), error
+            assert clear(error, fixture.name, of.states), error
         elif not of.later:
             assert borne and answer == right
         answers = []
@@ -191,11 +191,11 @@ def test_a_line_that_ends_under_a_stream_is_reported(name: str) -> None:
         declared.start_samples(source)
         fixture.clock.sleep(4.0)
         assert len(source.drain())
-        fixture.simulation.inject({"instrument": CASES[name].name, "fault": "port-gone"})
+        fixture.simulation.inject({"instrument": fixture.name, "fault": "port-gone"})
         fixture.clock.sleep(SETTLES_S)
         reported = (asked(source.drain)[1] for _ in range(50))  # a reader needs a moment
         error = next((error for error in reported if error is not None), None)
-        assert error is not None and clear(error, CASES[name].name, BROKEN), error
+        assert error is not None and clear(error, fixture.name, BROKEN), error
         source.close()
         source.close()
 
@@ -221,18 +221,18 @@ def recorded(name: str) -> tuple[dict[bytes, bytes], str]:
 @contextmanager
 def replayed(name: str, acts: Callable[[bytes], Acts]) -> Iterator[Any]:
     """Yield the driver of a case, with a wire in its instrument's place that plays its answers."""
-    case, (answers, address) = CASES[name], recorded(name)
-    entry = bench_for(name).instruments[case.name]
+    answers, address = recorded(name)
+    entry = bench_for(name).instruments[name_of(name)]
     numbered = 2 if LINES[name] in MODBUS_TCP else 0
     with no_thread_left(), Replay(answers, acts, numbered) as wire:
         place = Place(
-            case.name,
+            name_of(name),
             str(moved_to(address, wire.port)),
             RealClock(),
             entry.settings,
             entry.limits,
         )
-        instrument = registry.load(registry.DRIVERS, driver_of(case))(place)
+        instrument = registry.load(registry.DRIVERS, driver_of(name))(place)
         yield instrument
         assert wire.requests
         instrument.close()
@@ -259,4 +259,4 @@ def test_a_line_that_ends_in_the_middle_of_an_answer_is_reported(name: str) -> N
     with replayed(name, ends_in_the_middle) as instrument:
         with pytest.raises(InstrumentError) as raised:
             instrument.identify()
-        assert clear(raised.value, CASES[name].name, BROKEN), raised.value
+        assert clear(raised.value, name_of(name), BROKEN), raised.value

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from fixture import Fixture, opened
-from our_drivers import CASES, bench_data
+from our_drivers import bench_data
 
 from drivers.generic.can_navigator import CanNavigator
 from drivers.generic.serial_navigator import SerialNavigator
@@ -142,4 +142,4 @@ def bitwise_crc(data: bytes) -> int:
 
 def bench_of(kind: str) -> dict[str, Any]:
     """Return the shipped bench with a navigator of a kind, and nothing else."""
-    return bench_data(CASES[f"{kind}-navigator"])
+    return bench_data(f"{kind}-navigator")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from keysight_fixture import VOLTS
 from quick_yaml import load_yaml
 
 from station import registry
@@ -19,6 +20,7 @@ from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.bench import Bench, bench_of
 from station.roles import Identity
+from station.roles.role import role_of
 
 RLG, FOG = "rlg-magnetic-sensitivity", "fog-scale-factor-temperature"
 ACCELEROMETER, SERF = "accelerometer-magnetic-sensitivity", "serf-nonorthogonality"
@@ -29,6 +31,14 @@ Ask = Callable[[Fixture, Any], Any]
 
 def who(fixture: Fixture, driver: Any) -> Any:
     return driver.identify()
+
+
+def status(fixture: Fixture, driver: Any) -> Any:
+    return driver.status()
+
+
+def air_degC(fixture: Fixture, chamber: Any) -> float:
+    return float(chamber.temperature_degC())
 
 
 def nothing(fixture: Fixture, driver: Any) -> None:
@@ -107,21 +117,20 @@ def feeds(fixture: Fixture, power: Any) -> str:
 
 @dataclass(frozen=True)
 class Case:
-    """One driver on a bench: who is there, and a question with the words of its message.
+    """One driver: who answers, and a question with the words of its message.
 
-    `entry` is the instrument's in the bench file where the shipped bench has another model there.
-    A `patient` question is asked three times before its error is believed; one that is `asked_once`
+    `name` and `entry` are the instrument's in a bench file where no shipped bench has it. A
+    `patient` question is asked three times before its error is believed; one that is `asked_once`
     is not asked again over a new line either. `bears` says of single faults whether the answer is
     right all the same; `untouched` are faults that find nothing in its answer to change.
     """
 
-    name: str
     identity: Identity
-    ask: Ask = who
     command: str = ""
+    ask: Ask = who
     prepare: Callable[[Fixture, Any], None] = nothing
     bench: str = "sim"
-    procedure: str = RLG
+    name: str = ""
     entry: Mapping[str, Any] = field(default_factory=dict)
     patient: bool = False
     asked_once: bool = False
@@ -129,151 +138,96 @@ class Case:
     untouched: tuple[str, ...] = ()
 
 
+WORLDS = {
+    **dict.fromkeys(("navigator", "thermal_chamber", "turntable"), FOG),
+    **dict.fromkeys(("multimeter", "thermometer", "rotary_stage"), ACCELEROMETER),
+    **dict.fromkeys(("signal_generator", "digitizer", "pump_laser"), SERF),
+    "imu": NINE_AXIS,
+}
+"""In which procedure's world the instrument of a role stands; the others in a laser gyro's."""
+
 A_03 = "A.03.01-03.15-03.01-00.52-04-02"
 KVH = "ICB DSP Rev B Version: 104; ICB FPGA Rev: 2A; GCB DSP Rev C Version: 31; GCB FPGA Rev: D"
+KEYSIGHT, OURS = "Keysight Technologies", "house-made"
+ACUTROL = ("Acutronic R&D USA", "Acutrol3000")
+OTHER = "sim-alternate"
 
 CASES: dict[str, Case] = {
     "kepco-bop-36-12": Case(
-        "coil_supply.x",
         Identity("KEPCO", "BIT 802E 36-12", "H148201", "1.15-1.80"),
-        lambda _, supply: supply.current_A(),
         "MEAS:CURR?",
+        lambda _, supply: supply.current_A(),
         carries_two_ampere,
     ),
     "kepco-bop-1kw": Case(
-        "coil_supply.x",
         Identity("KEPCO", "BOP 72-14MG", "K2304411", "2.24"),
-        lambda _, supply: supply.current_A(),
         "MEAS:CURR?",
+        lambda _, supply: supply.current_A(),
         carries_two_ampere,
-        "sim-alternate",
+        OTHER,
     ),
     "lakeshore-f71": Case(
-        "gaussmeter",
         Identity("Lake Shore", "F71", "LSA2B7X", "1.6.2019092002"),
-        field_nT,
         "FETC:BUFF",
+        field_nT,
         records_field,
         asked_once=True,
     ),
     "lakeshore-425": Case(
-        "gaussmeter",
-        Identity("LSCI", "MODEL425", "4250022", "1.0"),
-        field_nT,
-        "RDGFIELD",
-        records_field,
-        "sim-alternate",
+        Identity("LSCI", "MODEL425", "4250022", "1.0"), "RDGFIELD", field_nT, records_field, OTHER
     ),
-    "can-pulse-board": Case(
-        "gyro_acquisition", Identity("house-made", "CAN pulse board", "1042", "1.2"), who, "100"
-    ),
+    "can-pulse-board": Case(Identity(OURS, "CAN pulse board", "1042", "1.2"), "100"),
     "serial-pulse-board": Case(
-        "gyro_acquisition",
-        Identity("house-made", "serial pulse board", "2051", "1.2"),
-        who,
-        "identify",
-        bench="sim-alternate",
+        Identity(OURS, "serial pulse board", "2051", "1.2"), "identify", bench=OTHER
     ),
-    "can-navigator": Case(
-        "navigator",
-        Identity("house-made", "FOG navigator", "3107", "1.0"),
-        lambda _, navigator: navigator.status(),
-        "0A0",
-        procedure=FOG,
-    ),
+    "can-navigator": Case(Identity(OURS, "FOG navigator", "3107", "1.0"), "0A0", status),
     "serial-navigator": Case(
-        "navigator",
-        Identity("house-made", "FOG navigator", "3108", "1.0"),
-        lambda _, navigator: navigator.status(),
+        Identity(OURS, "FOG navigator", "3108", "1.0"),
         "status",
-        bench="sim-alternate",
-        procedure=FOG,
+        status,
+        bench=OTHER,
         bears={"previous-reply": True},
     ),
     "kvh-1775": Case(
-        "imu",
         Identity("KVH", "1775", "1775042", KVH),
-        outputs,
         "=dr",
-        procedure=NINE_AXIS,
+        outputs,
         untouched=("wrong-crc",),  # lines have none
     ),
-    "can-imu": Case(
-        "imu",
-        Identity("house-made", "nine-axis sensor", "4711", "1.0"),
-        lambda _, sensor: sensor.status(),
-        "0C0",
-        bench="sim-alternate",
-        procedure=NINE_AXIS,
-    ),
+    "can-imu": Case(Identity(OURS, "nine-axis sensor", "4711", "1.0"), "0C0", status, bench=OTHER),
     "keysight-34465a": Case(
-        "multimeter",
-        Identity("Keysight Technologies", "34465A", "MY60012345", A_03),
-        burst_of_volts,
-        "FETC",
-        procedure=ACCELEROMETER,
+        Identity(KEYSIGHT, "34465A", "MY60012345", A_03), "FETC", burst_of_volts
     ),
     "keysight-34465a-pt100": Case(
-        "thermometer",
-        Identity("Keysight Technologies", "34465A", "MY60012346", A_03),
-        burst_of_degrees,
-        "FETC",
-        procedure=ACCELEROMETER,
+        Identity(KEYSIGHT, "34465A", "MY60012346", A_03), "FETC", burst_of_degrees
     ),
     "keithley-dmm6500": Case(
-        "multimeter",
         Identity("KEITHLEY INSTRUMENTS", "MODEL DMM6500", "04592428", "1.7.12b"),
-        burst_of_volts,
         "TRAC:DATA",
-        procedure=ACCELEROMETER,
-        entry={
-            "driver": "keithley-dmm6500",
-            "serial": "04592428",
-            "settings": {},
-            "simulator": {
-                "measures": "accelerometer",
-                "noise": "0 ppm",
-                "line_frequency": "50 Hz",
-                "gain_error": "0 ppm",
-                "offset": "0 V",
-                "zero_drift_in_one_hour": "36 uV",
-            },
-        },
+        burst_of_volts,
+        name="multimeter",
+        entry={"serial": "04592428", "settings": {}, "simulator": VOLTS},
     ),
-    "operator-power": Case("dut_power", Identity("", "operator", "", "")),
+    "operator-power": Case(Identity("", "operator", "", "")),
     "keysight-e36312a": Case(
-        "dut_power",
-        Identity("Keysight Technologies", "E36312A", "MY59002391", "2.1.0-1.0.4-1.12"),
-        lambda _, supply: supply.read_quantity("current"),
+        Identity(KEYSIGHT, "E36312A", "MY59002391", "2.1.0-1.0.4-1.12"),
         "MEAS:CURR?",
+        lambda _, supply: supply.read_quantity("current"),
         lambda _, supply: supply.switch_on(),
-        "sim-alternate",
+        OTHER,
         patient=True,
     ),
-    "watlow-f4t": Case(
-        "thermal_chamber",
-        Identity("Watlow", "F4T", "10423177", "5.1203"),
-        lambda _, chamber: chamber.temperature_degC(),
-        "read 2820",
-        procedure=FOG,
-    ),
+    "watlow-f4t": Case(Identity("Watlow", "F4T", "10423177", "5.1203"), "read 2820", air_degC),
     "watlow-f4": Case(
-        "thermal_chamber",
-        Identity("Watlow", "F4", "208417", "2.03"),
-        lambda _, chamber: chamber.temperature_degC(),
-        "read 100",
-        bench="sim-alternate",
-        procedure=FOG,
+        Identity("Watlow", "F4", "208417", "2.03"), "read 100", air_degC, bench=OTHER
     ),
     "watlow-output-power": Case(
-        "dut_power",
         Identity("Watlow", "F4T", "10423512", "5.1203"),
-        feeds,
         "write 33958",
-        procedure=FOG,
+        feeds,
+        name="dut_power",
         # An F4T whose loop is not wired; the device hangs behind its first output.
         entry={
-            "driver": "watlow-output-power",
             "serial": "10423512",
             "settings": {"output": "2.1", "word_order": "high-first"},
             "simulator": {
@@ -291,78 +245,77 @@ CASES: dict[str, Case] = {
         },
     ),
     "newport-esp301": Case(
-        "rotary_stage",
         Identity("Newport", "ESP301 with URS100BPP", "B2K0417", "3.0.1"),
-        lambda _, stage: stage.angle_deg(),
         "1TP?",
+        lambda _, stage: stage.angle_deg(),
         stands_at_30_deg,
-        procedure=ACCELEROMETER,
     ),
     "acutrol-3000": Case(
-        "turntable",
-        Identity("Acutronic R&D USA", "Acutrol3000", "A3-0117", "A8800-001-01.000-a"),
-        lambda _, table: table.angle_deg(3),
+        Identity(*ACUTROL, "A3-0117", "A8800-001-01.000-a"),
         ":Read:Position?",
+        lambda _, table: table.angle_deg(3),
         lambda fixture, table: stands_at_30_deg(fixture, table, 3),
-        procedure=FOG,
         # An answer of known length has no terminator to be wrong or to wait for.
         bears={"wrong-terminator": True, "flood": True, "stray line before": False},
     ),
     "acutrol-3000 in lines": Case(
-        "turntable",
-        Identity("Acutronic R&D USA", "Acutrol3000", "A3-0118", "A8800-001-01.000-a"),
-        lambda _, table: table.angle_deg(1),
+        Identity(*ACUTROL, "A3-0118", "A8800-001-01.000-a"),
         ":Read:Position?",
+        lambda _, table: table.angle_deg(1),
         lambda fixture, table: stands_at_30_deg(fixture, table, 1),
-        "sim-alternate",
-        FOG,
+        OTHER,
     ),
     "interlock-chain-line": Case(
-        "interlock_chain",
-        Identity("house-made", "interlock chain reader", "IC-0001", "1.0"),
-        lambda _, chain: chain.is_closed(),
+        Identity(OURS, "interlock chain reader", "IC-0001", "1.0"),
         "CHAIN?",
+        lambda _, chain: chain.is_closed(),
         patient=True,
         untouched=("nan",),
     ),
     "interlock-chain-shared": Case(
-        "interlock_chain",
-        Identity("", "contacts of turntable and thermal_chamber", "", ""),
-        bench="sim-alternate",
+        Identity("", "contacts of turntable and thermal_chamber", "", ""), bench=OTHER
     ),
     "keysight-33522b": Case(
-        "signal_generator.xy",
-        Identity("Keysight Technologies", "33522B", "MY59000101", "4.00-1.19-2.00-52-00"),
-        holds_a_volt,
-        "FUNC?",
-        procedure=SERF,
+        Identity(KEYSIGHT, "33522B", "MY59000101", "4.00-1.19-2.00-52-00"), "FUNC?", holds_a_volt
     ),
     "rigol-dg800": Case(
-        "signal_generator.xy",
         Identity("Rigol Technologies", "DG822", "DG8A262000837", "00.02.06.00.01"),
-        holds_a_volt,
         "FUNC",
-        procedure=SERF,
-        entry={"driver": "rigol-dg800", "serial": "DG8A262000837"},
+        holds_a_volt,
+        name="signal_generator.xy",
+        entry={"serial": "DG8A262000837"},
     ),
     "red-pitaya-125-14": Case(
-        "digitizer",
         Identity("Red Pitaya", "STEMlab 125-14", "0", "INSTR2024 01-02"),
-        samples_of_a_record,
         ":N?",
-        procedure=SERF,
+        samples_of_a_record,
     ),
     "thorlabs-sc10": Case(
-        "pump_laser",
         Identity("Thorlabs", "SC10", "untold", "1.07"),
-        lambda _, shutter: shutter.is_open(),
         "closed?",
+        lambda _, shutter: shutter.is_open(),
         lets_light_through,
-        procedure=SERF,
         bears={"wrong-terminator": True, "stray line before": False},
         untouched=("nan",),
     ),
 }
+
+
+def driver_of(case_name: str) -> str:
+    """Return the name of the driver of a case."""
+    return case_name.partition(" ")[0]
+
+
+def name_of(case_name: str) -> str:
+    """Return the name of the instrument of a case on its bench."""
+    case, driver = CASES[case_name], driver_of(case_name)
+    entries = shipped(case.bench)["instruments"].items()
+    return case.name or next(name for name, entry in entries if entry["driver"] == driver)
+
+
+def world_of(case_name: str) -> str:
+    """Return the procedure in whose world the instrument of a case stands."""
+    return WORLDS.get(role_of(name_of(case_name)), RLG)
 
 
 @cache
@@ -388,18 +341,15 @@ def alone(data: Mapping[str, Any], name: str) -> dict[str, Any]:
     }
 
 
-def bench_data(case: Case) -> dict[str, Any]:
+def bench_data(case_name: str) -> dict[str, Any]:
     """Return the shipped bench of a case as data, with nothing but its instrument."""
-    data = alone(shipped(case.bench), case.name)
+    case, name = CASES[case_name], name_of(case_name)
+    data = alone(shipped(case.bench), name)
     if case.entry:
-        data["instruments"][case.name] = {**data["instruments"][case.name], **case.entry}
+        own = {"driver": driver_of(case_name), **case.entry}
+        data["instruments"][name] = {**data["instruments"][name], **own}
         del data["interlocks"]  # some of them are about quantities of the other model
     return data
-
-
-def driver_of(case: Case) -> str:
-    """Return the name of the driver of a case."""
-    return str(bench_data(case)["instruments"][case.name]["driver"])
 
 
 def as_text(bench: Mapping[str, Any]) -> str:
@@ -416,12 +366,12 @@ def bench_from(data: Mapping[str, Any]) -> Bench:
 @cache
 def bench_for(case_name: str) -> Bench:
     """Return the bench of a case."""
-    return bench_from(bench_data(CASES[case_name]))
+    return bench_from(bench_data(case_name))
 
 
 @contextmanager
 def stood(case_name: str) -> Iterator[Fixture]:
     """Serve the instrument of a case on virtual time."""
-    case = CASES[case_name]
-    with fixture_of(bench_for(case_name), case.name, case.procedure) as fixture:
+    where = bench_for(case_name), name_of(case_name), world_of(case_name)
+    with fixture_of(*where) as fixture:
         yield fixture

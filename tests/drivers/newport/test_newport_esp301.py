@@ -191,29 +191,6 @@ def test_a_stage_that_protects_its_settings_is_used_at_the_bench_s_rate() -> Non
             bench.driver({**LIMITS, "rate": 90.0}).programme_limits()
 
 
-@pytest.mark.parametrize("angle_deg", [-176.0, 366.0, float("nan")])
-def test_an_angle_beyond_the_bench_is_refused(angle_deg: float) -> None:
-    with stage_bench() as bench:
-        stage = bench.homed()
-        bench.heard.clear()
-        with pytest.raises(InstrumentError, match="the bench allows -175 deg to 365 deg"):
-            stage.move_to(angle_deg)
-        assert not bench.heard
-
-
-def test_a_stage_that_is_not_homed_is_not_moved() -> None:
-    with stage_bench() as bench:
-        stage = bench.driver()
-        assert not stage.is_homed()
-        with pytest.raises(InstrumentError, match="; home it first"):
-            stage.move_to(10.0)
-        stage.home()
-        with pytest.raises(InstrumentError, match="; home it first"):
-            stage.move_to(10.0)
-        bench.wait(stage)
-        stage.move_to(10.0)
-
-
 def test_a_stage_without_a_rate_limit_does_not_turn() -> None:
     with stage_bench() as bench:
         stage = bench.driver({"acceleration": 10.0})

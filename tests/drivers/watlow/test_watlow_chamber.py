@@ -162,25 +162,6 @@ def test_a_controller_that_jumps_in_the_place_of_a_ramp_is_told_and_taken_back()
 
 
 @MODELS
-def test_a_hold_ends_a_ramp_where_it_is(model: str) -> None:
-    with opened(model) as (fixture, driver):
-        driver.switch_on()
-        driver.ramp_to(50.0, 0.5)
-        for _ in range(60):
-            fixture.clock.sleep(10.0)
-            driver.is_ramping()
-        driver.hold()
-        held_degC = driver.set_point_degC()
-        assert held_degC == pytest.approx(22.09 + 5.0, abs=0.15)
-        assert not driver.is_ramping()
-        fixture.clock.sleep(3600.0)
-        assert driver.set_point_degC() == held_degC
-        assert fixture.air_degC() == pytest.approx(held_degC, abs=0.2)
-        driver.ramp_to(held_degC + 1.0, 0.5)
-        assert driver.is_ramping()
-
-
-@MODELS
 def test_a_slew_limit_makes_every_way_a_ramp_and_holds_against_a_plan(model: str) -> None:
     limits = {**LIMITS, "temperature_slew": 2.0}
     with opened(model, limits=limits) as (fixture, driver):
@@ -195,18 +176,6 @@ def test_a_slew_limit_makes_every_way_a_ramp_and_holds_against_a_plan(model: str
         driver.set_temperature(32.0)
         assert not driver.is_ramping()
         assert driver.set_point_degC() == pytest.approx(32.0)
-
-
-@MODELS
-def test_what_the_bench_forbids_is_not_tried(model: str) -> None:
-    with opened(model) as (_, driver):
-        text = told(lambda: driver.set_temperature(20.0))
-        assert "go to 20 degC: its control is off; switch it on before" in text
-        driver.switch_on()
-        for beyond in (71.0, -46.0):
-            assert "the bench allows -45 degC to 70 degC; correct the plan's temperatures" in told(
-                lambda beyond=beyond: driver.ramp_to(beyond, 1.0)
-            )
 
 
 def test_a_step_is_never_larger_than_a_kelvin_and_meets_its_target() -> None:

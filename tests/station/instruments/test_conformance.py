@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from conformance_runs import conformance, conformance_of_its_own
-from our_drivers import CASES, alone, as_text, bench_data, driver_of
+from our_drivers import CASES, alone, as_text, bench_data, driver_of, name_of, world_of
 from plan_runs import shipped_bench
 from quick_yaml import dump_yaml
 
@@ -142,10 +142,10 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.mark.parametrize("case", CASES)
 def test_our_driver_conforms(case: str, tmp_path: Path) -> None:
-    name, driver = CASES[case].name, driver_of(CASES[case])
+    name, driver = name_of(case), driver_of(case)
     bench = tmp_path / "bench.yaml"
-    bench.write_text(as_text(bench_data(CASES[case])), encoding="utf-8")
-    where = ("--station-instrument", name, "--station-procedure", CASES[case].procedure)
+    bench.write_text(as_text(bench_data(case)), encoding="utf-8")
+    where = ("--station-instrument", name, "--station-procedure", world_of(case))
     done = conformance(driver, bench, *where)
     assert done.exit_code == 0, "\n".join(done.failed.values())
     claims = {"make_safe": "test_safety", "drain": "test_sampled_source"}
