@@ -13,13 +13,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from our_drivers import CASES, bench_for, driver_of, name_of, stood
+from our_drivers import CASES, bench_data, bench_for, driver_of, name_of, stood, world_of
 from wires import HANG_UP, Acts, Pause, Replay, no_thread_left
 
+from sim_instruments.bench import SimulatedBench
 from sim_instruments.faults.catalogue import wire_faults
 from sim_instruments.faults.wire import CAN, FRAMES, MODBUS_TCP
+from sim_instruments.truth import SimulationError
 from station import registry
-from station.clock import RealClock
+from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import moved_to
 from station.errors import InstrumentError
 from station.instruments.opening import Place
@@ -260,3 +262,27 @@ def test_a_line_that_ends_in_the_middle_of_an_answer_is_reported(name: str) -> N
         with pytest.raises(InstrumentError) as raised:
             instrument.identify()
         assert clear(raised.value, name_of(name), BROKEN), raised.value
+
+
+# Their simulators.
+
+MAY_BE_MISSING = {"events", "door_input", "settings_protected", "gate_inverter"}
+MAY_BE_MISSING |= {"axis_2", "axis_3", "angle_at_start"}
+
+
+def without(truth: Mapping[str, Any], key: str) -> dict[str, Any]:
+    return {kept: value for kept, value in truth.items() if kept != key}
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_a_missing_truth_of_the_simulator_is_named(name: str) -> None:
+    data, instrument = bench_data(name), name_of(name)
+    entry = data["instruments"][instrument]
+    truth = entry["simulator"]
+    axis = truth.get("axis_1", {})
+    lacking = {key: without(truth, key) for key in truth}
+    lacking |= {key: {**truth, "axis_1": without(axis, key)} for key in axis}
+    for key in lacking.keys() - MAY_BE_MISSING:
+        wrong = {**data, "instruments": {instrument: {**entry, "simulator": lacking[key]}}}
+        with pytest.raises(SimulationError, match=key):
+            SimulatedBench(wrong, VirtualClock(), world_of(name)).close()

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from table_bench import AXIS, LIMITED, LIMITS, TABLE, TRUTH, RawTable, table_bench
+from table_bench import AXIS, LIMITED, LIMITS, TABLE, RawTable, table_bench
 
 from drivers.acutronic.acutrol3000 import Acutrol3000
 from drivers.acutronic.axis import TurnCount
 from sim_instruments.acutronic.acutrol3000 import Acutrol3000 as Simulator
 from sim_instruments.acutronic.table import too_far_from_s, too_fast_from_s
-from sim_instruments.truth import SimulationError
 from sim_instruments.world.rotation import RotationHistory
 from sim_instruments.world.table import Table
 from station.errors import InputError, InstrumentError
@@ -225,16 +224,6 @@ def test_it_turns_the_table_of_the_world_where_there_is_one() -> None:
         bench.wait(table, 2)
         ends_deg = [axis.now_at(bench.clock.now())[0] for axis in axes.values()]
         assert ends_deg == pytest.approx([10.0, -40.0, 30.0], abs=10 * ARCSEC_DEG)
-
-
-def test_a_missing_truth_is_named() -> None:
-    for key in [*TRUTH, "encoder_sine"]:
-        wrong = {"axis_1": {**AXIS, key: None}} if key in AXIS else {key: None}
-        if key in ("axis_2", "axis_3"):
-            continue
-        with pytest.raises(SimulationError) as raised, table_bench(wrong):
-            pass
-        assert key in str(raised.value)
 
 
 # The driver, in both forms of the line.

@@ -104,17 +104,6 @@ def test_a_second_start_counts_from_one_and_forgets(kind: str) -> None:
 
 
 @both
-def test_what_came_before_a_stop_is_kept_and_nothing_comes_after(kind: str) -> None:
-    with navigator(kind) as (fixture, driver):
-        driver.start(2.0)
-        fixture.clock.sleep(3.2)
-        driver.stop()
-        assert len(driver.drain()) == 6
-        assert not len(recorded(fixture, driver, 5.0))
-        driver.stop()
-
-
-@both
 def test_the_counter_has_sixteen_bits(kind: str) -> None:
     with navigator(kind) as (fixture, driver):
         driver.start(10.0)

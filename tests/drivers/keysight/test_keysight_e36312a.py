@@ -155,14 +155,6 @@ def test_a_tripped_output_is_cleared_by_the_next_switching_on() -> None:
         assert supply.read_quantity("output") == "on"
 
 
-def test_it_is_made_safe_and_proven() -> None:
-    with power() as (fixture, supply):
-        supply.switch_on()
-        supply.make_safe(fixture.clock.now() + 5.0)
-        reading = supply.read_safety()
-        assert reading.safe and reading.read_back == "output 2 off, 0.000 A"
-
-
 def test_a_strangers_session_on_the_wire() -> None:
     with power() as (fixture, supply):
         supply.identify()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stage_bench import LIMITS, STAGE, TRUTH, Bench, RawStage, stage_bench
+from stage_bench import LIMITS, STAGE, Bench, RawStage, stage_bench
 from variants import variant
 
 from sim_instruments.world.rotation import RotationHistory
@@ -137,15 +137,6 @@ def test_software_limits_and_a_motor_that_is_off_refuse_a_movement() -> None:
         line.tell("1PR-3")
         bench.clock.sleep(5.0)
         assert line.value("1TP?") == pytest.approx(6.0, abs=2 * ARCSEC_DEG)
-
-
-def test_a_missing_truth_is_named() -> None:
-    from sim_instruments.truth import SimulationError
-
-    for key in TRUTH:
-        with pytest.raises(SimulationError) as raised, stage_bench({key: None}):
-            pass
-        assert key in str(raised.value)
 
 
 # The driver.

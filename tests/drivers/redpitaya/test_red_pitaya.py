@@ -14,7 +14,6 @@ from trigger_fixture import Room, Signal
 from drivers.redpitaya.stemlab_125_14 import RedPitaya
 from drivers.redpitaya.stemlab_settings import Record
 from sim_instruments.redpitaya.stemlab_125_14 import RedPitaya as Board
-from sim_instruments.truth import SimulationError
 from station.errors import InstrumentError
 from station.instruments.scan import recognised
 from station.roles import Block
@@ -128,13 +127,6 @@ def test_what_a_system_does_not_know_is_not_answered(version: str, unknown: str)
     with board(os_version=version) as fixture, fixture.line() as line:
         line.write(unknown)
         assert line.ask("SYST:ERR?").startswith("-113,")
-
-
-@pytest.mark.parametrize("key", TRUTH)
-def test_a_missing_truth_is_named(key: str) -> None:
-    given = {name: value for name, value in TRUTH.items() if name != key}
-    with pytest.raises(SimulationError, match=key), standing(NAME, Board, given, Room(ramp)):
-        pass
 
 
 # The driver.

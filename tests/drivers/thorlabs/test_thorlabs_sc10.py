@@ -13,7 +13,6 @@ from trigger_fixture import Room
 
 from drivers.thorlabs.sc10 import ThorlabsSc10
 from sim_instruments.thorlabs.sc10 import ThorlabsSc10 as Controller
-from sim_instruments.truth import SimulationError
 from station.errors import InstrumentError
 
 NAME = "pump_laser"
@@ -105,16 +104,6 @@ def test_in_the_gate_mode_the_light_follows_the_trigger(inverter: bool) -> None:
         fixture.room.trigger.fall(fixture.clock.now())
         fixture.clock.sleep(0.02)
         assert dark_at(fixture) is not inverter
-
-
-@pytest.mark.parametrize("key", ["opening_time", "closing_time"])
-def test_a_missing_truth_is_named(key: str) -> None:
-    given = {name: value for name, value in TRUTH.items() if name != key}
-    with (
-        pytest.raises(SimulationError, match=key),
-        standing(NAME, Controller, given, Room(lambda after_s: after_s)),
-    ):
-        pass
 
 
 # The driver.
