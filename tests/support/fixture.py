@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
+import pytest
 from sim_bench import Line
 
 from sim_instruments.faults.catalogue import read_fault
@@ -15,6 +16,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.truth import Truth
 from sim_instruments.world.base import Room
 from station.clock import Clock, VirtualClock
+from station.errors import InstrumentError
 from station.instruments.opening import Place
 from station.method.work import POLL_S
 from station.safety.readings import Readings
@@ -130,6 +132,13 @@ def opened(
             yield fixture, instrument
         finally:
             instrument.close()
+
+
+def error_of(act: Callable[..., object], *given: Any) -> str:
+    """Return what the error of an instrument states that an act ends in."""
+    with pytest.raises(InstrumentError) as raised:
+        act(*given)
+    return str(raised.value)
 
 
 def recorded(fixture: Fixture, driver: Any, seconds: float) -> Any:

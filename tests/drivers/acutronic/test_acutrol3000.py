@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from fixture import error_of
 from table_bench import AXIS, LIMITED, LIMITS, TABLE, RawTable, table_bench
 
 from drivers.acutronic.acutrol3000 import Acutrol3000
@@ -20,12 +20,6 @@ from station.errors import InputError, InstrumentError
 
 ARCSEC_DEG = 1 / 3600
 LINE = {"framing": "line"}
-
-
-def told(act: Callable[[], object]) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
 
 
 # Turns.
@@ -338,7 +332,7 @@ def test_an_axis_with_end_stops_goes_the_way_that_it_has() -> None:
         with pytest.raises(InstrumentError, match="the bench allows -95 deg to 95 deg"):
             table.move_to(1, 96.0)
         table.turn(1, 20.0)
-        text = told(lambda: bench.wait_for_rate(table) or bench.wait(table))
+        text = error_of(lambda: bench.wait_for_rate(table) or bench.wait(table))
         assert "aborted at a limit of position" in text
         assert bench.rotation(1).now_at(bench.clock.now())[0] == pytest.approx(96.0, abs=2.0)
 
@@ -365,10 +359,10 @@ def test_a_following_error_is_named_and_homing_goes_on_from_there(form: dict[str
         bench.clock.sleep_until(18.0)
         table.turn(1, 100.0)
         bench.clock.sleep_until(24.0)
-        text = told(lambda: bench.wait_for_rate(table))
+        text = error_of(lambda: bench.wait_for_rate(table))
         assert "following error" in text and "home the axis again" in text
         assert not table.is_homed(1)
-        assert "home it first" in told(lambda: table.turn(1, 1.0))
+        assert "home it first" in error_of(lambda: table.turn(1, 1.0))
         bench.clock.sleep_until(26.0)
         table.home(1)
         bench.wait(table)
@@ -382,7 +376,7 @@ def test_a_rate_trip_is_named() -> None:
         with RawTable(bench) as line:
             line.says(":LIM:VTR R,1,20.0")
             table.turn(1, 60.0)
-            assert "faster than its rate trip" in told(lambda: bench.wait_for_rate(table))
+            assert "faster than its rate trip" in error_of(lambda: bench.wait_for_rate(table))
         times_s = np.linspace(0.0, bench.clock.now(), 5000)
         assert np.abs(bench.rotation(1).rate_deg_per_s(times_s)).max() < 21.0
 
@@ -395,11 +389,11 @@ def test_the_emergency_stop_is_named_and_holds_until_it_is_released(form: dict[s
         table.turn(1, 30.0)
         assert table.read_quantity("chain") == "closed"
         bench.clock.sleep_until(21.0)
-        text = told(lambda: bench.wait_for_rate(table))
+        text = error_of(lambda: bench.wait_for_rate(table))
         assert "the interlock was opened by a safety interlock (SI)" in text
         assert "nobody is in danger" in text
         assert table.read_safety().safe
-        text = told(lambda: table.home(1))
+        text = error_of(lambda: table.home(1))
         assert "its interlock is open" in text and "emergency stop" in text
         assert table.open_contacts() == ("interlock",)
         bench.clock.sleep_until(31.0)
@@ -415,7 +409,7 @@ def test_a_servo_that_somebody_opened_is_named() -> None:
         table = bench.homed()
         with RawTable(bench) as line:
             line.says(":Int:Open 1")
-            assert "though nobody here opened it" in told(lambda: table.is_moving(1))
+            assert "though nobody here opened it" in error_of(lambda: table.is_moving(1))
 
 
 def test_somebody_else_who_sets_rates_is_noticed() -> None:
@@ -426,7 +420,7 @@ def test_somebody_else_who_sets_rates_is_noticed() -> None:
         with RawTable(bench) as line:
             line.says(":Demand:Rate 1,10")
             bench.clock.sleep(1.0)
-            assert "it turns at 10.00" in told(lambda: table.angle_deg(1))
+            assert "it turns at 10.00" in error_of(lambda: table.angle_deg(1))
 
 
 def test_a_blocked_axis_is_noticed() -> None:
@@ -436,10 +430,10 @@ def test_a_blocked_axis_is_noticed() -> None:
         table.turn(1, 5.0)
         bench.wait_for_rate(table)
         bench.clock.sleep_until(21.0)
-        text = told(lambda: table.angle_deg(1))
+        text = error_of(lambda: table.angle_deg(1))
         assert "axis 1 at 5 deg/s" in text or "count axis 1" in text
         table.move_to(2, 90.0)
-        text = told(lambda: bench.wait(table, 2))
+        text = error_of(lambda: bench.wait(table, 2))
         assert "where 90.00000 deg was commanded" in text and "blocked axis" in text
 
 
@@ -449,7 +443,7 @@ def test_turns_that_cannot_be_told_are_no_angle() -> None:
         table.turn(1, 100.0)
         bench.wait_for_rate(table)
         bench.clock.sleep(600.0)
-        assert "its turns cannot be counted" in told(lambda: table.angle_deg(1))
+        assert "its turns cannot be counted" in error_of(lambda: table.angle_deg(1))
         assert not table.is_homed(1)
 
 
@@ -512,10 +506,10 @@ def test_an_interlock_can_ask_for_it_at_any_time() -> None:
 
 
 @pytest.mark.parametrize("served", ["framed", "line"])
-def test_the_wrong_framing_is_told(served: str) -> None:
+def test_the_wrong_framing_is_error_of(served: str) -> None:
     with table_bench({"framing": served}) as bench:
         other = "line" if served == "framed" else "framed"
-        text = told(lambda: bench.driver(framing=other).identify())
+        text = error_of(lambda: bench.driver(framing=other).identify())
         assert text.startswith("turntable: sent '*IDN?': ")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import cantools
 import numpy as np
 import pytest
-from fixture import EmptyRoom, recorded, standing
+from fixture import EmptyRoom, error_of, recorded, standing
 from navigator_fixture import (
     KINDS,
     LATENCY_S,
@@ -43,12 +43,6 @@ from station.instruments.opening import Place
 from station.roles import NavigatorStatus
 
 both = pytest.mark.parametrize("kind", KINDS)
-
-
-def told(act: Any, *arguments: Any) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act(*arguments)
-    return str(raised.value)
 
 
 # Outputs.
@@ -180,7 +174,7 @@ def test_switched_off_it_says_so_and_does_nothing(kind: str) -> None:
         assert driver.identify().serial == "0"
         assert driver.status() == NavigatorStatus(False, None, ("switched off",))
         for act, argument in ((driver.start, 1.0), (driver.align, 40.0)):
-            text = told(act, argument)
+            text = error_of(act, argument)
             assert "it refused with unit_off; switch the device under test on" in text
 
 
@@ -194,7 +188,7 @@ def test_a_loss_of_power_ends_output_and_alignment(kind: str) -> None:
         assert driver.drain().columns["status"][-1] == 1
         assert not len(recorded(fixture, driver, 2.0))
         fixture.clock.sleep(2.0)
-        text = told(driver.read_quantity, "temperature")
+        text = error_of(driver.read_quantity, "temperature")
         assert text.startswith(f"{NAME}: looked for the gyros' temperature: no output came for 4")
         fixture.room.power(True)
         assert not len(recorded(fixture, driver, 2.0)), "it went on by itself"
@@ -218,7 +212,7 @@ def test_an_unknown_fault_bit_is_told_by_its_number() -> None:
     ("fault", "word"),
     [("alignment-fails", "alignment failed"), ("gyro-fails", "a gyro failed its own test")],
 )
-def test_what_it_finds_wrong_with_itself_is_told(kind: str, fault: str, word: str) -> None:
+def test_what_it_finds_wrong_with_itself_is_error_of(kind: str, fault: str, word: str) -> None:
     with navigator(kind, {"fault": fault, "at": "150 s", "for": "50 s"}) as (fixture, driver):
         driver.align(40.0)
         fixture.clock.sleep(140.0)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from stage_bench import LIMITS, STAGE, Bench, RawStage, stage_bench
+from fixture import error_of
+from stage_bench import LIMITS, STAGE, RawStage, stage_bench
 from variants import variant
 
 from sim_instruments.world.rotation import RotationHistory
@@ -198,17 +198,11 @@ def test_errors_of_others_are_not_taken_for_ours() -> None:
         stage.move_to(5.0)
 
 
-def told(bench: Bench, act: Callable[[], object]) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
-
-
 def test_a_following_error_is_named_and_asks_for_homing() -> None:
     with stage_bench(None, {"fault": "following-error", "command": "1PA"}) as bench:
         stage = bench.homed()
         stage.move_to(90.0)
-        text = told(bench, lambda: bench.wait(stage))
+        text = error_of(lambda: bench.wait(stage))
         assert "following error" in text and "error 103" in text and "homes it" in text
         assert stage.read_safety().safe
         assert not stage.is_homed()
@@ -221,10 +215,10 @@ def test_the_emergency_stop_is_named_and_holds_until_it_is_released() -> None:
         stage = bench.homed()
         bench.clock.sleep_until(58.0)
         stage.move_to(90.0)
-        text = told(bench, lambda: bench.wait(stage))
+        text = error_of(lambda: bench.wait(stage))
         assert "the emergency stop was pressed (error 4" in text
         assert "nobody is in danger" in text
-        assert "emergency stop" in told(bench, stage.home)
+        assert "emergency stop" in error_of(stage.home)
         bench.clock.sleep_until(71.0)
         stage.home()
         bench.wait(stage)
@@ -236,7 +230,7 @@ def test_a_motor_that_somebody_switched_off_is_named() -> None:
         stage = bench.homed()
         with RawStage(bench) as line:
             line.tell("1MF")
-            text = told(bench, lambda: stage.move_to(20.0))
+            text = error_of(lambda: stage.move_to(20.0))
             assert "the motor is off (error 113, MOTOR NOT ENABLED)" in text
             assert not stage.is_homed()
 
@@ -248,7 +242,7 @@ def test_an_encoder_that_jumps_is_noticed_at_rest() -> None:
         bench.wait(stage)
         stage.angle_deg()
         bench.clock.sleep_until(61.0)
-        text = told(bench, stage.angle_deg)
+        text = error_of(stage.angle_deg)
         assert re.search(r"the encoder reads 30\.05\d* deg where 30\.00000 deg was commanded", text)
         assert not stage.is_homed()
 
@@ -260,7 +254,7 @@ def test_a_blocked_stage_is_noticed_and_homing_finds_its_lost_steps() -> None:
         bench.clock.sleep_until(59.0)
         stage.move_to(90.0)
         bench.wait(stage)
-        assert "look for a blocked stage" in told(bench, stage.angle_deg)
+        assert "look for a blocked stage" in error_of(stage.angle_deg)
         bench.clock.sleep_until(81.0)
         stage.home()
         bench.wait(stage)
@@ -273,7 +267,7 @@ def test_a_movement_that_does_not_end_is_an_error() -> None:
     with stage_bench({"settling": "1 h"}) as bench:
         stage = bench.driver()
         stage.home()
-        text = told(bench, lambda: bench.wait(stage, 500.0))
+        text = error_of(lambda: bench.wait(stage))
         assert "has not settled" in text
         assert bench.clock.now() == pytest.approx(120.0, abs=1.0)
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fixture import EmptyRoom, Fixture, standing
+from fixture import EmptyRoom, Fixture, error_of, standing
 from trigger_fixture import Room, Signal
 
 from drivers.redpitaya.stemlab_125_14 import RedPitaya
 from drivers.redpitaya.stemlab_settings import Record
 from sim_instruments.redpitaya.stemlab_125_14 import RedPitaya as Board
-from station.errors import InstrumentError
 from station.instruments.scan import recognised
 from station.roles import Block
 
@@ -249,38 +248,32 @@ def test_the_edge_that_starts_the_record_is_the_one_that_others_get() -> None:
         assert [kind for _, kind in fixture.room.edges] == ["rise", "fall"] * 2
 
 
-def told(act: Any) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
-
-
 def test_a_full_scale_beyond_the_jumpers_names_them() -> None:
     with opened() as (_, driver):
-        assert "move the input's jumpers to HV" in told(lambda: driver.prepare(1e4, 0.01, 1.5))
+        assert "move the input's jumpers to HV" in error_of(lambda: driver.prepare(1e4, 0.01, 1.5))
     with opened(settings={"jumper": "HV"}, jumper="HV") as (_, driver):
-        assert "put a divider" in told(lambda: driver.prepare(1e4, 0.01, 25.0))
+        assert "put a divider" in error_of(lambda: driver.prepare(1e4, 0.01, 25.0))
 
 
 def test_a_record_that_does_not_fit_is_refused_with_what_would() -> None:
     with opened() as (_, driver):
-        text = told(lambda: driver.prepare(10e3, 2.0, 1.0))
+        text = error_of(lambda: driver.prepare(10e3, 2.0, 1.0))
         assert "its 16384 values hold 1.6 s" in text
         assert driver.prepare(10e3, 1.6, 1.0) == pytest.approx(10e3)
 
 
 def test_a_wrong_system_version_is_noticed_by_reading_back() -> None:
     with opened(settings={"os_version": "2.05"}, os_version="2.00-18") as (_, driver):
-        assert "ACQ:DEC:F?': no answer came" in told(lambda: driver.prepare(10e3, 0.05, 1.0))
+        assert "ACQ:DEC:F?': no answer came" in error_of(lambda: driver.prepare(10e3, 0.05, 1.0))
     with opened(settings={"os_version": "1.04"}, os_version="1.03") as (_, driver):
-        text = told(lambda: driver.prepare(50e3, 0.05, 1.0))
+        text = error_of(lambda: driver.prepare(50e3, 0.05, 1.0))
         assert "ACQ:DEC? reads '1' where 2048 belongs" in text
         assert "settings.os_version" in text
 
 
 def test_a_trigger_wire_that_is_not_seated_is_noticed_before_anything_is_triggered() -> None:
     with opened(ramp, {"fault": "no-trigger"}) as (fixture, driver):
-        text = told(lambda: driver.prepare(10e3, 0.05, 1.0))
+        text = error_of(lambda: driver.prepare(10e3, 0.05, 1.0))
         assert "DIG:PIN? DIO0_P reads '1' where 0 belongs" in text
         assert "seat the wire between DIO0_N and DIO0_P" in text
         assert not fixture.room.edges
@@ -289,7 +282,7 @@ def test_a_trigger_wire_that_is_not_seated_is_noticed_before_anything_is_trigger
 def test_a_trigger_that_never_comes_is_told_at_once() -> None:
     with opened(ramp, {"fault": "no-trigger", "command": "ACQ:START"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
-        assert "ACQ:TRIG:STAT? reads 'WAIT' where TD belongs" in told(driver.fire)
+        assert "ACQ:TRIG:STAT? reads 'WAIT' where TD belongs" in error_of(driver.fire)
         driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
         assert not fixture.room.trigger.high
@@ -301,14 +294,14 @@ def test_a_command_that_is_lost_never_gives_an_old_record(command: str) -> None:
     with opened(ramp, fault) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         shot(fixture, driver)
-        assert "where" in told(driver.fire)
+        assert "where" in error_of(driver.fire)
 
 
 def test_a_record_that_does_not_end_is_an_error() -> None:
     with opened(ramp, {"fault": "lost-command", "command": "ACQ:START"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        assert "ACQ:TRIG:FILL? still reads 0" in told(lambda: record(fixture, driver))
+        assert "ACQ:TRIG:FILL? still reads 0" in error_of(lambda: record(fixture, driver))
         assert fixture.clock.now() < 3.0
 
 
@@ -349,5 +342,5 @@ def test_a_record_whose_answer_was_lost_is_still_in_the_board(fault: str) -> Non
     with opened(flat(0.2), {"fault": fault, "command": ":N?"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        told(lambda: record(fixture, driver))
+        error_of(lambda: record(fixture, driver))
         assert record(fixture, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)

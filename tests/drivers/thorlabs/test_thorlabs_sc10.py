@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from fixture import EmptyRoom, Fixture, standing
+from fixture import EmptyRoom, Fixture, error_of, standing
 from sim_bench import Line
 from trigger_fixture import Room
 
 from drivers.thorlabs.sc10 import ThorlabsSc10
 from sim_instruments.thorlabs.sc10 import ThorlabsSc10 as Controller
-from station.errors import InstrumentError
 
 NAME = "pump_laser"
 TRUTH = {"opening_time": "12 ms", "closing_time": "9 ms", "gate_inverter": True}
@@ -41,12 +40,6 @@ def ask(line: Line, text: str) -> str:
     answer = line.raw_ask(text.encode("ascii") + b"\r").decode("ascii")
     assert answer.endswith("> ")
     return answer.removesuffix("> ")
-
-
-def told(act: Callable[[], object]) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
 
 
 def dark_at(fixture: Fixture) -> bool:
@@ -151,7 +144,7 @@ def test_the_light_goes_off_at_the_trigger_and_comes_back_after_it() -> None:
 
 def test_a_gate_without_an_inverter_is_noticed() -> None:
     with opened(gate_inverter=False) as (_, driver):
-        text = told(driver.follow_trigger)
+        text = error_of(driver.follow_trigger)
         assert "its sensor still reads closed after 0.1 s, and the controller is enabled" in text
         assert "put an inverter between the trigger and the gate" in text
 
@@ -173,7 +166,7 @@ def test_a_shutter_that_does_not_close_is_an_error_that_says_so() -> None:
     with opened({"fault": "stuck-open", "at": "1 s", "for": "10 s"}) as (fixture, driver):
         driver.follow_trigger()
         fixture.clock.sleep_until(2.0)
-        text = told(lambda: driver.make_safe(fixture.clock.now() + 5.0))
+        text = error_of(lambda: driver.make_safe(fixture.clock.now() + 5.0))
         assert text.startswith("pump_laser: close the shutter: its sensor still reads open")
         assert "THE LIGHT STILL PASSES: switch the pump laser off by hand" in text
         reading = driver.read_safety()
@@ -193,7 +186,7 @@ def test_an_open_interlock_closes_the_shutter_and_is_named() -> None:
         fixture.clock.sleep(0.1)
         assert not driver.is_open()
         for act in (driver.open_shutter, driver.follow_trigger):
-            assert "its interlock is open (interlock? reads 1); make sure" in told(act)
+            assert "its interlock is open (interlock? reads 1); make sure" in error_of(act)
         driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
         fixture.clock.sleep_until(12.0)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
+from fixture import error_of
 from places import ROOT
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
@@ -17,7 +18,6 @@ from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer
-from station.errors import InstrumentError
 from station.instruments.opening import Place
 
 SETTINGS = ModbusSettings(baud_rate=19200)
@@ -33,12 +33,6 @@ def line(
         opened = ModbusLine(fixture.place(), SETTINGS, repeatable)
         yield fixture, opened
         opened.close()
-
-
-def told(act: Callable[[], object], kind: type[Exception] = InstrumentError) -> str:
-    with pytest.raises(kind) as raised:
-        act()
-    return str(raised.value)
 
 
 # The simulated devices, by a raw client.
@@ -193,7 +187,7 @@ def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
     with line("f4t", fault, repeatable=Repeatable(r"(read|write) \d+")) as (_, modbus):
         modbus.patient.write(2730, [62])
     with line("f4t") as (_, modbus):
-        told(lambda: modbus.patient.read(9999))
+        error_of(lambda: modbus.patient.read(9999))
 
 
 @pytest.mark.parametrize(
@@ -212,7 +206,7 @@ def test_an_answer_to_nothing_that_was_asked_is_none(answer: bytes, says: str) -
     with clock.participant("test"), FaultyServer(clock, lambda data: answer) as server:
         place = Place(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, SETTINGS)
-        assert says in told(lambda: modbus.read(100))
+        assert says in error_of(lambda: modbus.read(100))
         modbus.close()
     clock.stop()
 
@@ -238,7 +232,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
         assert len(asked) == 2
         asked.clear()
         modbus_once = ModbusLine(place, SETTINGS)
-        assert "more than one answer came" in told(lambda: modbus_once.read(107))
+        assert "more than one answer came" in error_of(lambda: modbus_once.read(107))
         modbus_once.close()
         modbus.close()
     clock.stop()
@@ -254,9 +248,9 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
         ("/dev/none", "this computer has no serial port /dev/none"),
     ],
 )
-def test_an_address_where_nobody_is_is_told(address: str, why: str) -> None:
+def test_an_address_where_nobody_is_is_error_of(address: str, why: str) -> None:
     place = Place(NAME, address, RealClock(), {}, {})
-    text = told(lambda: ModbusLine(place, SETTINGS))
+    text = error_of(lambda: ModbusLine(place, SETTINGS))
     assert f"{NAME}: open {address}: {why}" in text
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+from fixture import error_of
 from variants import variant
 from watlow_fixture import LIMITS, Room, controller, opened
 
@@ -21,12 +21,6 @@ from station.files.lookup import BENCHES, find
 from station.instruments.bench import read_bench
 
 MODELS = pytest.mark.parametrize("model", ["f4t", "f4"])
-
-
-def told(act: Callable[[], object]) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
 
 
 def follow(fixture: Any, driver: Any, every_s: float = 10.0) -> float:
@@ -50,8 +44,8 @@ def test_the_order_of_words_is_proven_before_any_number_is_believed(has: str, sa
             driver.programme_limits()
             assert driver.temperature_degC() == pytest.approx(fixture.air_degC() + 0.08, abs=0.05)
         else:
-            assert "correct settings.word_order" in told(driver.identify)
-            assert "correct settings.word_order" in told(driver.switch_on)
+            assert "correct settings.word_order" in error_of(driver.identify)
+            assert "correct settings.word_order" in error_of(driver.switch_on)
 
 
 @MODELS
@@ -62,19 +56,19 @@ def test_the_limits_are_in_the_controller_and_are_never_made_wider(model: str) -
         assert driver._limits_found() == (-45.0, 70.0)
     wide = {"temperature_low": -45.0, "temperature_high": 200.0}
     with opened(model, limits=wide) as (_, driver):
-        text = told(driver.programme_limits)
+        text = error_of(driver.programme_limits)
         assert "the controller's own limits are -70 degC and 180 degC; narrow limits" in text
     with opened(model, limits={"temperature_low": -45.0}) as (_, driver):
-        assert "it gives no limits.temperature_high" in told(driver.switch_on)
+        assert "it gives no limits.temperature_high" in error_of(driver.switch_on)
 
 
 def test_a_controller_that_speaks_fahrenheit_is_refused() -> None:
     with controller("f4t") as fixture:
         fixture.simulator._registers.add(6730, Parameter(lambda: (30,)))
-        assert "30 came back where degC is 15" in told(fixture.driver().programme_limits)
+        assert "30 came back where degC is 15" in error_of(fixture.driver().programme_limits)
     with controller("f4") as fixture:
         fixture.simulator._registers.add(901, Parameter(lambda: (0,)))
-        assert "set the controller to degC" in told(fixture.driver().programme_limits)
+        assert "set the controller to degC" in error_of(fixture.driver().programme_limits)
 
 
 # Ramps.
@@ -155,7 +149,7 @@ def test_a_controller_that_jumps_in_the_place_of_a_ramp_is_told_and_taken_back()
                 lambda: tuple(told_action), lambda words: told_action.__setitem__(0, words[0])
             ),
         )
-        text = told(lambda: driver.ramp_to(40.0, 0.5))
+        text = error_of(lambda: driver.ramp_to(40.0, 0.5))
         assert "its set-point jumped by 17.9" in text
         assert "write ramp: stepped in the settings of the bench file" in text
         assert driver.set_point_degC() == pytest.approx(before_degC)
@@ -169,7 +163,7 @@ def test_a_slew_limit_makes_every_way_a_ramp_and_holds_against_a_plan(model: str
         driver.set_temperature(32.0)
         assert driver.is_ramping()
         assert follow(fixture, driver) == pytest.approx(300.0, abs=15.0)
-        text = told(lambda: driver.ramp_to(30.0, 2.5))
+        text = error_of(lambda: driver.ramp_to(30.0, 2.5))
         assert "the bench allows rates above 0 and up to 2 degC/min; correct the plan" in text
     with opened(model) as (fixture, driver):
         driver.switch_on()
@@ -239,7 +233,9 @@ def test_a_broken_sensor_keeps_nobody_from_rest(model: str) -> None:
             fixture.simulator._float(2820, lambda: float("nan"))
         else:
             fixture.simulator._registers.add(100, Parameter(lambda: (0x7FFF,)))
-        assert "look at the controller's panel, and at the sensor" in told(driver.temperature_degC)
+        assert "look at the controller's panel, and at the sensor" in error_of(
+            driver.temperature_degC
+        )
         driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
 
@@ -304,7 +300,7 @@ def test_an_alarm_ends_what_the_driver_is_asked_within_a_minute(model: str) -> N
                 fixture.clock.sleep(10.0)
                 driver.temperature_degC()
         assert "look at the chamber and at its controller's panel" in str(raised.value)
-        assert "alarm 1 is on" in told(driver.is_ramping), "told once only"
+        assert "alarm 1 is on" in error_of(driver.is_ramping), "told once only"
         assert fixture.output() == 0.0
         driver.make_safe(fixture.clock.now() + 10.0)
         assert driver.read_safety().safe
@@ -316,7 +312,7 @@ def test_a_compressor_that_trips_is_an_alarm_and_nothing_cools(model: str) -> No
         driver.switch_on()
         driver.set_temperature(0.0)
         fixture.clock.sleep(3600.0)
-        assert "alarm 2 is on" in told(driver.temperature_degC)
+        assert "alarm 2 is on" in error_of(driver.temperature_degC)
         assert fixture.air_degC() > 20.0
 
 
@@ -345,17 +341,17 @@ def test_a_frozen_process_value_stays_while_the_air_goes_on(model: str) -> None:
         assert driver.temperature_degC() == pytest.approx(fixture.air_degC(), abs=0.2)
 
 
-def test_a_limit_controller_and_a_control_that_somebody_switched_off_are_told() -> None:
+def test_a_limit_controller_and_a_control_that_somebody_switched_off_are_error_of() -> None:
     with opened("f4t") as (fixture, driver):
         driver.switch_on()
         fixture.simulator._registers.add(11264 + 60 * 4, Parameter(lambda: (32,)))
         fixture.clock.sleep(61.0)
-        assert "the limit controller in slot 5 has tripped" in told(driver.temperature_degC)
+        assert "the limit controller in slot 5 has tripped" in error_of(driver.temperature_degC)
     with opened("f4t") as (fixture, driver), fixture.line() as panel:
         driver.switch_on()
         panel.put(2730, 62)
         fixture.clock.sleep(61.0)
-        assert "its control is off though it was switched on" in told(driver.is_ramping)
+        assert "its control is off though it was switched on" in error_of(driver.is_ramping)
 
 
 def test_an_f4_whose_chamber_has_an_event_switches_that_too() -> None:
@@ -376,11 +372,11 @@ def test_an_f4_whose_chamber_has_an_event_switches_that_too() -> None:
 
 def test_an_alarm_that_the_controller_does_not_have_is_told_as_such() -> None:
     with opened("f4t", settings={"alarms": 6}) as (_, driver):
-        text = told(driver.switch_on)
+        text = error_of(driver.switch_on)
         assert "read register 1756: it has no such register" in text
 
 
-def test_a_truth_that_is_none_is_told() -> None:
+def test_a_truth_that_is_none_is_error_of() -> None:
     for truth in ({"steers": "table"}, {"word_order": "any"}):
         with pytest.raises(SimulationError), controller("f4t", **truth):
             pass
