@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pytest
 from our_drivers import CASES, bench_data, bench_for, driver_of, name_of, stood, world_of
 from wires import HANG_UP, Acts, Pause, Replay, no_thread_left
@@ -23,6 +24,7 @@ from sim_instruments.truth import SimulationError
 from station import registry
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import moved_to
+from station.conformance.fixture import Fixture
 from station.errors import InstrumentError
 from station.instruments.opening import Place
 from station.roles.role import role
@@ -186,11 +188,35 @@ STREAMS = [name for name, line in LINES.items() if line in CAN | FRAMES]
 
 
 @pytest.mark.parametrize("name", STREAMS)
+def test_an_output_that_breaks_off_is_a_gap_or_an_error_and_never_a_sample(name: str) -> None:
+    with stood(name) as fixture:
+        source = started(fixture)
+        fixture.clock.sleep(2.0)
+        before = source.drain()
+        fixture.simulation.inject({"instrument": fixture.name, "fault": "partial"})
+        fixture.clock.sleep(2.0)
+        block, error = asked(source.drain)
+        if LINES[name] in CAN:
+            assert error is not None and clear(error, fixture.name, "is none of its messages")
+        else:
+            column = "counter" if "counter" in block.columns else "sequence"
+            numbers = np.concatenate([before.columns[column], block.columns[column]]).astype(int)
+            assert sorted(set(np.diff(numbers))) == [1, 2]
+        source.close()
+
+
+def started(fixture: Fixture) -> Any:
+    """Return the source of samples, opened and started as its role does."""
+    source, declared = fixture.open(), role(fixture.role)
+    assert declared is not None and declared.start_samples is not None
+    declared.start_samples(source)
+    return source
+
+
+@pytest.mark.parametrize("name", STREAMS)
 def test_a_line_that_ends_under_a_stream_is_reported(name: str) -> None:
     with stood(name) as fixture:
-        source, declared = fixture.open(), role(fixture.role)
-        assert declared is not None and declared.start_samples is not None
-        declared.start_samples(source)
+        source = started(fixture)
         fixture.clock.sleep(4.0)
         assert len(source.drain())
         fixture.simulation.inject({"instrument": fixture.name, "fault": "port-gone"})

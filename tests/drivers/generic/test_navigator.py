@@ -38,7 +38,7 @@ from sim_instruments.generic.serial_navigator import SerialNavigator as Simulate
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.frames import crc32
 from station.clock import Clock, RealClock, VirtualClock
-from station.errors import InputError, InstrumentError
+from station.errors import InputError
 from station.instruments.opening import Place
 from station.roles import NavigatorStatus
 
@@ -370,15 +370,6 @@ def test_what_the_interface_on_can_cannot_do_is_refused() -> None:
         assert answer(b"\x01\x0a") == (START, 5, 0, 0)
         assert answer(struct.pack("<BBHi", START, 25, 2, 0)) == (START, 0, 2, 25)
         line.close()
-
-
-def test_a_frame_of_another_length_is_none_of_its_messages() -> None:
-    entry = {"fault": "partial", "command": "0B1", "nth": 3, "count": 1}
-    with navigator("can", entry) as (fixture, driver):
-        driver.start(10.0)
-        fixture.clock.sleep(2.0)
-        with pytest.raises(InstrumentError, match=r"0B1#.* is none of its messages; check"):
-            driver.drain()
 
 
 # RS-422.
