@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixture import taken
 from our_drivers import CASES, bench_data, bench_for, driver_of, name_of, stood, world_of
 from wires import HANG_UP, Acts, Pause, Replay, no_thread_left
 
@@ -190,22 +191,53 @@ def asked(act: Callable[[], Any]) -> tuple[Any, InstrumentError | None]:
 STREAMS = [name for name, line in LINES.items() if line in CAN | FRAMES]
 
 
-@pytest.mark.parametrize("name", STREAMS)
-def test_an_output_that_breaks_off_is_a_gap_or_an_error_and_never_a_sample(name: str) -> None:
+LOSING = ("partial", "lost-frame", "no-reply", "garbled", "wrong-crc")
+LOST = [
+    (name, fault, nth)
+    for name in STREAMS
+    for fault in LOSING
+    for nth in ((1, 2, 3, 4) if LINES[name] in CAN else (1,))  # an output has up to four messages
+    if fault in wire_faults(LINES[name]) and not (fault == "garbled" and LINES[name] in CAN)
+]
+LOST.append(("kvh-1775", "previous-reply", 1))
+
+
+@pytest.mark.parametrize(("name", "fault", "nth"), LOST)
+def test_a_damaged_output_is_a_gap_or_an_error_and_never_a_sample(
+    name: str, fault: str, nth: int
+) -> None:
     with stood(name) as fixture:
         source = started(fixture)
         fixture.clock.sleep(2.0)
         before = source.drain()
-        fixture.simulation.inject({"instrument": fixture.name, "fault": "partial"})
+        fixture.simulation.inject({"instrument": fixture.name, "fault": fault, "nth": nth})
         fixture.clock.sleep(2.0)
         block, error = asked(source.drain)
-        if LINES[name] in CAN:
+        if LINES[name] in CAN and fault == "partial":
             assert error is not None and clear(error, fixture.name, "is none of its messages")
         else:
-            column = "counter" if "counter" in block.columns else "sequence"
-            numbers = np.concatenate([before.columns[column], block.columns[column]]).astype(int)
-            assert sorted(set(np.diff(numbers))) == [1, 2]
+            assert steps_of(before.columns, block.columns) == [1, 2]
         source.close()
+
+
+@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("seconds", [3, 20, 40])
+def test_a_silence_is_a_gap_as_long_as_it_was(name: str, seconds: int) -> None:
+    """Also one that is longer than a round of a counter of seven or eight bits."""
+    with stood(name) as fixture:
+        silent = {"fault": "silent", "at": "10.05 s", "for": f"{seconds} s"}
+        fixture.simulation.inject({"instrument": fixture.name, **silent})
+        source = started(fixture)
+        rows = taken(fixture, source, seconds + 20.0)
+        assert steps_of(rows) == [1, 10 * seconds + 1]
+        source.close()
+
+
+def steps_of(*rows: Mapping[str, Any]) -> list[int]:
+    """Return the steps that there are in the counter of rows that follow one another."""
+    column = "counter" if "counter" in rows[0] else "sequence"
+    numbers = np.concatenate([columns[column] for columns in rows]).astype(int)
+    return sorted(set(np.diff(numbers).tolist()))
 
 
 def started(fixture: Fixture) -> Any:

@@ -161,20 +161,6 @@ def test_frames_that_come_twice_or_late_are_left_out() -> None:
 # What goes wrong on its line, or with itself.
 
 
-both = pytest.mark.parametrize("kind", KINDS)
-
-
-@both
-@pytest.mark.parametrize("seconds", [5, 20])
-def test_a_silent_sensor_leaves_a_gap_in_the_counter(kind: str, seconds: int) -> None:
-    """Of seven bits, also a gap that is longer than a round of them."""
-    fault = {"fault": "silent", "at": "10.05 s", "for": f"{seconds} s"}
-    with imu(kind, fault) as (fixture, driver):
-        driver.start(10.0)
-        steps = np.diff(recorded(fixture, driver, 40.0).columns["counter"].astype(int))
-        assert sorted(set(steps.tolist())) == [1, 10 * seconds + 1]
-
-
 @both
 def test_a_silence_is_told_to_whoever_watches_the_temperature(kind: str) -> None:
     with imu(kind, {"fault": "silent", "at": "10 s"}) as (fixture, driver):
@@ -185,26 +171,6 @@ def test_a_silence_is_told_to_whoever_watches_the_temperature(kind: str) -> None
         recorded(fixture, driver, 10.0)
         with pytest.raises(InstrumentError, match="no output came for"):
             driver.read_quantity("temperature")
-
-
-LOST = [("can", "lost-frame", name) for name in ("0D0", "0D1", "0D2", "0D3")]
-LOST += [
-    ("kvh", kind, "output")
-    for kind in ("lost-frame", "no-reply", "garbled", "wrong-crc", "partial", "previous-reply")
-]
-
-
-@pytest.mark.parametrize(("kind", "fault", "message"), LOST)
-def test_a_lost_output_is_a_gap_and_no_more(kind: str, fault: str, message: str) -> None:
-    rate_Hz = 100.0 if kind == "kvh" else 10.0  # ten outputs in a batch, or each alone
-    entry = {"fault": fault, "command": message, "nth": 50, "count": 1}
-    with imu(kind, entry) as (fixture, driver):
-        driver.identify()
-        driver.start(rate_Hz)
-        counter = recorded(fixture, driver, 100.0 / rate_Hz).columns["counter"].astype(int)
-        assert sorted(set(np.diff(counter).tolist())) == [1, 2]
-        lost = set(range(1, int(counter[-1]) + 1)) - set(counter.tolist())
-        assert len(lost) == 1
 
 
 def test_an_output_that_comes_late_is_left_out() -> None:

@@ -262,33 +262,6 @@ def test_a_truth_that_cannot_be_is_refused(truth: dict[str, str], says: str) -> 
 # What goes wrong on its line.
 
 
-both = pytest.mark.parametrize("kind", KINDS)
-
-
-@both
-def test_a_silent_navigator_leaves_a_gap_in_the_counter(kind: str) -> None:
-    with navigator(kind, {"fault": "silent", "at": "10 s", "for": "5 s"}) as (fixture, driver):
-        driver.start(10.0)
-        steps = np.diff(recorded(fixture, driver, 20.0).columns["counter"].astype(int))
-        assert sorted(set(steps.tolist())) == [1, 51]
-
-
-LOST = [("can", "lost-frame", name) for name in ("0B0", "0B1", "0B2")]
-LOST += [
-    ("serial", kind, "output")
-    for kind in ("lost-frame", "no-reply", "garbled", "wrong-crc", "partial")
-]
-
-
-@pytest.mark.parametrize(("kind", "fault", "message"), LOST)
-def test_a_lost_output_is_a_gap_and_no_more(kind: str, fault: str, message: str) -> None:
-    entry = {"fault": fault, "command": message, "nth": 50, "count": 1}
-    with navigator(kind, entry) as (fixture, driver):
-        driver.start(10.0)
-        counter = recorded(fixture, driver, 20.0).columns["counter"].tolist()
-        assert counter == [k for k in range(1, counter[-1] + 1) if k != 50]
-
-
 @both
 @pytest.mark.parametrize("rate_Hz", [0.9, 10.1])
 def test_the_navigator_itself_refuses_too(kind: str, rate_Hz: float) -> None:
