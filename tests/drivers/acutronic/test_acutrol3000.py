@@ -506,7 +506,7 @@ def test_an_interlock_can_ask_for_it_at_any_time() -> None:
 
 
 @pytest.mark.parametrize("served", ["framed", "line"])
-def test_the_wrong_framing_is_error_of(served: str) -> None:
+def test_the_wrong_framing_is_reported(served: str) -> None:
     with table_bench({"framing": served}) as bench:
         other = "line" if served == "framed" else "framed"
         text = error_of(lambda: bench.driver(framing=other).identify())

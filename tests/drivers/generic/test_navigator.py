@@ -212,7 +212,7 @@ def test_an_unknown_fault_bit_is_told_by_its_number() -> None:
     ("fault", "word"),
     [("alignment-fails", "alignment failed"), ("gyro-fails", "a gyro failed its own test")],
 )
-def test_what_it_finds_wrong_with_itself_is_error_of(kind: str, fault: str, word: str) -> None:
+def test_what_it_finds_wrong_with_itself_is_reported(kind: str, fault: str, word: str) -> None:
     with navigator(kind, {"fault": fault, "at": "150 s", "for": "50 s"}) as (fixture, driver):
         driver.align(40.0)
         fixture.clock.sleep(140.0)

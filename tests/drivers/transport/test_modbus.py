@@ -248,7 +248,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
         ("/dev/none", "this computer has no serial port /dev/none"),
     ],
 )
-def test_an_address_where_nobody_is_is_error_of(address: str, why: str) -> None:
+def test_an_address_where_nobody_is_is_reported(address: str, why: str) -> None:
     place = Place(NAME, address, RealClock(), {}, {})
     text = error_of(lambda: ModbusLine(place, SETTINGS))
     assert f"{NAME}: open {address}: {why}" in text

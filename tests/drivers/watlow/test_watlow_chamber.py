@@ -341,7 +341,7 @@ def test_a_frozen_process_value_stays_while_the_air_goes_on(model: str) -> None:
         assert driver.temperature_degC() == pytest.approx(fixture.air_degC(), abs=0.2)
 
 
-def test_a_limit_controller_and_a_control_that_somebody_switched_off_are_error_of() -> None:
+def test_a_limit_controller_and_a_control_that_somebody_switched_off_are_reported() -> None:
     with opened("f4t") as (fixture, driver):
         driver.switch_on()
         fixture.simulator._registers.add(11264 + 60 * 4, Parameter(lambda: (32,)))
@@ -376,7 +376,7 @@ def test_an_alarm_that_the_controller_does_not_have_is_told_as_such() -> None:
         assert "read register 1756: it has no such register" in text
 
 
-def test_a_truth_that_is_none_is_error_of() -> None:
+def test_a_truth_that_is_none_is_reported() -> None:
     for truth in ({"steers": "table"}, {"word_order": "any"}):
         with pytest.raises(SimulationError), controller("f4t", **truth):
             pass
