@@ -13,6 +13,7 @@ from pydantic import Field, field_validator
 
 from station import registry
 from station.cli.validating import validate_plans
+from station.clock import RealClock
 from station.driver_checks import (
     driver_faults,
     keys_of,
@@ -20,7 +21,7 @@ from station.driver_checks import (
     settings_of,
     settings_of_role,
 )
-from station.errors import QuantityNotRead
+from station.errors import InstrumentError, QuantityNotRead
 from station.fields import Second, StrictModel
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, find
@@ -28,6 +29,7 @@ from station.files.yaml.document import Document
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.addresses import why_unknown
 from station.instruments.bench import Bench, bench_of, faults_of_use
+from station.instruments.opening import Place
 from station.roles import Driver, DriverSettings
 from station.roles.role import kind_of, quantities_of, roles, roles_of
 
@@ -112,6 +114,34 @@ def test_a_record_of_before_is_read_and_its_resumption_refused() -> None:
         ("digitizer", "red-pitaya-125-14", {"os_version": "x"}, "'x' is no version such as"),
         ("turntable", "acutrol-3000", {"axes": 2, "continuous": [1, 3]}, "there is no axis 3"),
         ("turntable", "acutrol-3000", {"outer_axis": 4}, "outer_axis: must be at most 3, not 4"),
+        ("turntable", "acutrol-3000", {"axes": 4}, "axes: must be at most 3, not 4"),
+        ("turntable", "acutrol-3000", {"continuous": [4]}, "continuous[1]: must be at most 3"),
+        ("turntable", "acutrol-3000", {"framing": "gpib"}, "must be 'framed' or 'line', not"),
+        ("turntable", "acutrol-3000", {"zero": "where"}, "must be 'absolute' or 'search', not"),
+        ("rotary_stage", "newport-esp301", {"home_mode": 0}, "home_mode: must be at least 1, not"),
+        ("digitizer", "red-pitaya-125-14", {"channel": 3}, "channel: must be at most 2, not 3"),
+        ("thermometer", "keysight-34465a-pt100", {"r0": "100"}, "r0: '100' has no unit, expected"),
+        ("thermometer", "keysight-34465a-pt100", {"r0": "-100 ohm"}, "r0: must be above 0, not"),
+        ("signal_generator.xy", "keysight-33522b", {"load": "open"}, "'open' is not a number with"),
+        ("signal_generator.xy", "keysight-33522b", {"load": 50}, "load: must be text, not 50"),
+        ("signal_generator.xy", "keysight-33522b", {"load": "0.5 ohm"}, "1 ohm to 10000 ohm, or"),
+        (
+            "signal_generator.xy",
+            "keysight-33522b",
+            {"load": "50 ohm", "trigger": "internal"},
+            "trigger: must be 'external' or 'bus', not 'internal'",
+        ),
+        ("thermal_chamber", "watlow-f4t", {"loop": 5}, "loop: must be at most 4, not 5"),
+        ("thermal_chamber", "watlow-f4t", {"unit": 0}, "unit: must be at least 1, not 0"),
+        ("thermal_chamber", "watlow-f4t", {"word_order": "no"}, "'low-first' or 'high-first', not"),
+        ("thermal_chamber", "watlow-f4t", {"door": "2"}, "door: '2' is no module and number"),
+        ("thermal_chamber", "watlow-f4t", {"ramp": "no"}, "must be 'controller' or 'stepped', not"),
+        ("thermal_chamber", "watlow-f4t", {"alarms": 15}, "alarms: must be at most 14, not 15"),
+        ("thermal_chamber", "watlow-f4", {"chamber_event": 9}, "must be at most 8, not 9"),
+        ("thermal_chamber", "watlow-f4", {"parity": "X"}, "parity: must be 'N', 'E' or 'O', not"),
+        ("dut_power", "watlow-output-power", {"output": "2"}, "'2' is no module and number such"),
+        ("dut_power", "watlow-output-power", {"output": "2.1", "event": 9}, "event: must be at m"),
+        ("pump_laser", "thorlabs-sc10", {"moves_within": "fast"}, "'fast' is not a number with a"),
         ("thermometer", "keysight-34465a-pt100", {"nplc": 3}, "it cannot integrate over nplc 3"),
         ("thermal_chamber", "watlow-f4t", {"limit_modules": [7]}, "limit_modules[1]: must be at"),
         ("thermal_chamber", "watlow-f4t", {"door": "7.1"}, "door: '7.1' is beyond module 6"),
@@ -151,6 +181,11 @@ def test_wrong_types_and_values_out_of_range_are_refused_at_their_place(
     (found,) = said(document_of(name, driver, settings))
     assert found.startswith("bench.yaml:6:")
     assert f"instruments.{name}.settings." in found and fault in found
+    if "outer_axis" not in settings:  # that is for a procedure to read
+        limits = dict.fromkeys(("current", "voltage", "slew", "zero_current"), 1.0)
+        place = Place(name, "TCPIP::127.0.0.1::1::SOCKET", RealClock(), settings, limits)
+        with pytest.raises(InstrumentError, match="read the bench file: its settings are wrong"):
+            DRIVERS[driver](place)
 
 
 def test_missing_required_settings_are_named() -> None:

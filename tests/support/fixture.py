@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
-from quick_yaml import load_yaml
+import pytest
 from sim_bench import Line
 
 from sim_instruments.faults.catalogue import read_fault
@@ -17,8 +17,8 @@ from sim_instruments.truth import Truth
 from sim_instruments.world.base import Room
 from station.clock import Clock, VirtualClock
 from station.errors import InstrumentError
-from station.files.lookup import BENCHES, find
 from station.instruments.opening import Place
+from station.method.work import POLL_S
 from station.safety.readings import Readings
 
 
@@ -134,30 +134,23 @@ def opened(
             instrument.close()
 
 
+def error_of(act: Callable[..., object], *given: Any) -> str:
+    """Return what the error of an instrument states that an act ends in."""
+    with pytest.raises(InstrumentError) as raised:
+        act(*given)
+    return str(raised.value)
+
+
 def recorded(fixture: Fixture, driver: Any, seconds: float) -> Any:
     """Return the outputs of a while as a block, drained once."""
     fixture.clock.sleep(seconds)
     return driver.drain()
 
 
-def said_of_a_line_that_is_gone(driver: Any) -> str:
-    """Return what a driver of a stream says of it; its reader learns of it a moment later."""
-    said = ""
-    for _ in range(50):
-        if "broke" in said:
-            break
-        try:
-            driver.drain()
-            driver.status()
-        except InstrumentError as error:
-            said = str(error)
-    return said
-
-
-def bench_alone(name: str, shipped: str = "sim", entry: Any = None) -> dict[str, Any]:
-    """Return a shipped bench as data, with one instrument, its own unless given, and no other."""
-    bench: dict[str, Any] = load_yaml(find(BENCHES, shipped).read_text(encoding="utf-8"))
-    bench["instruments"] = {name: entry or bench["instruments"][name]}
-    bench["safe_state"] = []
-    bench.pop("interlocks", None)
-    return bench
+def taken(fixture: Any, source: Any, seconds: float) -> dict[str, np.ndarray]:
+    """Return the columns of a source that is drained as an acquisition does."""
+    until_s, blocks = fixture.clock.now() + seconds, []
+    while fixture.clock.now() < until_s:
+        fixture.clock.sleep(POLL_S)
+        blocks.append(source.drain().columns)
+    return {name: np.concatenate([columns[name] for columns in blocks]) for name in source.columns}

@@ -1,17 +1,20 @@
-"""A simulated 33522B in a small world of the tests' own, and who talks to it."""
+"""A simulated signal generator in a small world of the tests' own, and who talks to it."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import numpy as np
 from fixture import Fixture as AnyFixture
 from fixture import serving
 
+from drivers.keysight.generator_33522b import Keysight33522B
+from drivers.rigol.generator_dg800 import RigolDg800
 from sim_instruments.keysight.generator_33522b import Keysight33522B as SimulatedGenerator
+from sim_instruments.rigol.generator_dg800 import RigolDg800 as SimulatedDg800
 from sim_instruments.world import base as world
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
@@ -43,17 +46,33 @@ class Room(world.Room):
         return self.coils[coil].voltage_V(np.array(times_s)).tolist()
 
 
+MODELS: dict[str, tuple[Any, Any, str]] = {
+    "33522B": (SimulatedGenerator, Keysight33522B, "MY59000101"),
+    "DG822": (SimulatedDg800, RigolDg800, "DG8A262000837"),
+}
+
+
 class Fixture(AnyFixture):
     """A simulated generator that is served in a world, and whoever talks to it."""
 
     def __init__(
-        self, clock: Clock, truth: Mapping[str, Any], room: Any, *faults: Mapping[str, Any]
+        self,
+        clock: Clock,
+        truth: Mapping[str, Any],
+        room: Any,
+        *faults: Mapping[str, Any],
+        model: str = "33522B",
     ) -> None:
-        super().__init__(clock, NAME, SimulatedGenerator, truth, room, *faults, serial="MY59000101")
+        maker, self.driver, serial = MODELS[model]
+        super().__init__(clock, NAME, maker, truth, room, *faults, serial=serial)
 
     def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
         given = {"load": "high-impedance", **settings}
         return super().place({"voltage": 9.0} if limits is None else limits, **given)
+
+    def volts(self, coil: str, *after_s: float) -> list[float]:
+        """Return the voltages at a coil so long after now; now, unless said."""
+        return [self.room.volts(coil, self.clock.now() + s)[0] for s in after_s or (0.0,)]
 
     def rise(self) -> float:
         """Give the trigger now; return when."""
@@ -64,8 +83,19 @@ class Fixture(AnyFixture):
 
 
 def standing(
-    *faults: dict[str, Any], room: Any = None, **changes: Any
+    *faults: dict[str, Any], room: Any = None, model: str = "33522B", **changes: Any
 ) -> AbstractContextManager[Fixture]:
     """Serve a generator while this thread takes part in time."""
     truth = {**copy.deepcopy(TRUTH), **changes}
-    return serving(lambda clock: Fixture(clock, truth, room or Room(), *faults))
+    return serving(lambda clock: Fixture(clock, truth, room or Room(), *faults, model=model))
+
+
+@contextmanager
+def generator(
+    model: str, *faults: Any, limit_V: float = 9.0, load: str = "high-impedance", **truth: Any
+) -> Iterator[tuple[Fixture, Any]]:
+    """Serve a generator of a model and open its driver."""
+    with standing(*faults, model=model, **truth) as fixture:
+        driver = fixture.driver(fixture.place({"voltage": limit_V}, load=load))
+        yield fixture, driver
+        driver.close()

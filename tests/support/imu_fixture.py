@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
-from fixture import Fixture, bench_alone, opened
+from fixture import Fixture, opened
 
 from drivers.generic.can_imu import CanImu
 from drivers.kvh.imu_1775 import Kvh1775
@@ -57,8 +57,3 @@ def imu(
     driver: Any = Kvh1775 if kind == "kvh" else CanImu
     given = {**TRUTH, **({"channel": "can0"} if kind == "can" else {}), **truth}
     return opened(NAME, simulator, driver, given, room or Spindle(), *faults)
-
-
-def bench_of(kind: str) -> dict[str, Any]:
-    """Return the shipped bench with a sensor of a kind, and nothing else."""
-    return bench_alone(NAME, "sim" if kind == "kvh" else "sim-alternate")

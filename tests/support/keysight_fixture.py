@@ -1,14 +1,18 @@
-"""A small world for a simulated 34465A."""
+"""A small world for a simulated voltmeter of either model."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import fixture
 import numpy as np
 from fixture import Fixture
 
+from drivers.keithley.multimeter_dmm6500 import KeithleyDmm6500
+from drivers.keysight.multimeter_34465a import Keysight34465A
+from sim_instruments.keithley.multimeter_dmm6500 import KeithleyDmm6500 as SimulatedDmm6500
 from sim_instruments.keysight.multimeter_34465a import Keysight34465A as SimulatedMeter
 from sim_instruments.world import base as world
 from station.clock import Clock
@@ -64,3 +68,39 @@ def standing(
         serial="MY54500001",
         clock=clock,
     )
+
+
+MODELS: dict[str, tuple[Any, Any, str]] = {
+    "34465A": (SimulatedMeter, Keysight34465A, "MY54500001"),
+    "DMM6500": (SimulatedDmm6500, KeithleyDmm6500, "04592428"),
+}
+
+
+@contextmanager
+def meter(
+    model: str,
+    *faults: Mapping[str, Any],
+    volts: float = 0.5,
+    slope: float = 0.0,
+    truth: Mapping[str, Any] | None = None,
+    **settings: Any,
+) -> Iterator[tuple[Fixture, Any]]:
+    """Serve a voltmeter of a model and open its driver."""
+    simulator, driver, serial = MODELS[model]
+    given = {**VOLTS, **(truth or {})}
+    room = Room(volts, slope, 100.0)
+    with fixture.standing("multimeter", simulator, given, room, *faults, serial=serial) as here:
+        opened = driver(here.place(**settings))
+        yield here, opened
+        opened.close()
+
+
+def burst(here: Fixture, opened: Any, readings: int) -> Any:
+    """Return a burst of readings, polled until it is there."""
+    opened.start(readings)
+    for _ in range(1000):
+        block = opened.fetch()
+        if block is not None:
+            return block
+        here.clock.sleep(0.1)
+    raise AssertionError("the burst does not end")

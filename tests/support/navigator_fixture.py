@@ -9,7 +9,8 @@ from threading import Thread
 from typing import Any
 
 import numpy as np
-from fixture import Fixture, bench_alone, opened
+from fixture import Fixture, opened
+from our_drivers import bench_data
 
 from drivers.generic.can_navigator import CanNavigator
 from drivers.generic.serial_navigator import SerialNavigator
@@ -141,5 +142,4 @@ def bitwise_crc(data: bytes) -> int:
 
 def bench_of(kind: str) -> dict[str, Any]:
     """Return the shipped bench with a navigator of a kind, and nothing else."""
-    other = bench_alone(NAME, "sim-alternate")["instruments"][NAME]
-    return bench_alone(NAME, entry=None if kind == "can" else other)
+    return bench_data(f"{kind}-navigator")

@@ -18,6 +18,8 @@ from sim_instruments.generic.can_pulse_board import CanPulseBoard
 from sim_instruments.kepco.bop import KepcoBop
 from sim_instruments.lakeshore.gaussmeter_f71 import LakeshoreF71
 from station.clock import Clock, VirtualClock
+from station.instruments.opening import Place
+from station.safety.readings import Readings
 
 SIMULATORS: dict[str, Maker] = {
     "kepco-bop-36-12": KepcoBop,
@@ -151,6 +153,42 @@ def served(
         finally:
             simulation.close()
             clock.stop()
+
+
+class ServedInstrument:
+    """One instrument of a served bench, and what a test needs of it."""
+
+    def __init__(self, clock: Clock, simulation: SimulatedBench, name: str, maker: Any) -> None:
+        self.clock, self.simulation, self.name, self.maker = clock, simulation, name, maker
+        self.readings = Readings(clock)
+        self.heard: list[tuple[str, bytes]] = []
+        self.address = str(simulation.instruments[name]["address"])
+
+    @property
+    def served(self) -> Any:
+        """The simulated instrument itself."""
+        return self.simulation._served[self.name]
+
+    def opened(self, limits: Mapping[str, float], **settings: Any) -> Any:
+        """Return the driver, opened."""
+        return self.maker(
+            Place(
+                self.name,
+                self.address,
+                self.clock,
+                settings,
+                limits,
+                trace=lambda direction, data: self.heard.append((direction, data)),
+                publisher=self.readings.publisher(self.name),
+            )
+        )
+
+    def wait(self, driver: Any, *axis: int, within_s: float = 1000.0) -> None:
+        """Wait until it, or an axis of it, stands still."""
+        until_s = self.clock.now() + within_s
+        while driver.is_moving(*axis):
+            assert self.clock.now() < until_s
+            self.clock.sleep(0.05)
 
 
 class Client:

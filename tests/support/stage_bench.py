@@ -7,15 +7,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from sim_bench import BENCH, Line, served
+from sim_bench import BENCH, Line, ServedInstrument, served
 
 from drivers.newport.esp301 import NewportEsp301 as Driver
-from sim_instruments.bench import SimulatedBench
 from sim_instruments.newport.esp301 import NewportEsp301 as Simulator
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import VirtualClock
-from station.instruments.opening import Place
-from station.safety.readings import Readings
 
 STAGE = "rotary_stage"
 LIMITS = {"rate": 20.0, "acceleration": 40.0, "angle_low": -175.0, "angle_high": 365.0}
@@ -44,51 +41,26 @@ def bench_of(truth: Mapping[str, Any] | None = None, *faults: Mapping[str, Any])
     return bench
 
 
-class Bench:
+class Bench(ServedInstrument):
     """A served bench with a stage, and what a test needs of it."""
-
-    def __init__(self, clock: VirtualClock, simulation: SimulatedBench) -> None:
-        self.clock, self.simulation = clock, simulation
-        self.readings = Readings(clock)
-        self.heard: list[tuple[str, bytes]] = []
-        self.address = str(simulation.instruments[STAGE]["address"])
 
     @property
     def rotation(self) -> RotationHistory:
         """Where the axis truly is."""
-        axis: Any = self.simulation._served[STAGE]
-        rotation: RotationHistory = axis._axis._rotation
+        rotation: RotationHistory = self.served._axis._rotation
         return rotation
 
-    def driver(self, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Driver:
+    def driver(self, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Any:
         """Return the driver, opened."""
-        heard = self.heard
-        return Driver(
-            Place(
-                STAGE,
-                self.address,
-                self.clock,
-                settings,
-                limits,
-                trace=lambda direction, data: heard.append((direction, data)),
-                publisher=self.readings.publisher(STAGE),
-            )
-        )
+        return self.opened(limits, **settings)
 
-    def homed(self, **settings: Any) -> Driver:
+    def homed(self, **settings: Any) -> Any:
         """Return the driver of a stage that has found its zero."""
         stage = self.driver(**settings)
         stage.home()
         self.wait(stage)
         assert stage.is_homed()
         return stage
-
-    def wait(self, stage: Driver, within_s: float = 300.0) -> None:
-        """Wait until the stage stands still."""
-        until_s = self.clock.now() + within_s
-        while stage.is_moving():
-            assert self.clock.now() < until_s
-            self.clock.sleep(0.05)
 
 
 @contextmanager
@@ -99,7 +71,7 @@ def stage_bench(
     clock = VirtualClock()
     simulators = {"newport-esp301": Simulator}
     with served(clock, bench_of(truth, *faults), simulators=simulators) as simulation:
-        yield Bench(clock, simulation)
+        yield Bench(clock, simulation, STAGE, Driver)
 
 
 class RawStage(Line):

@@ -7,15 +7,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from sim_bench import BENCH, Line, served
+from sim_bench import BENCH, Line, ServedInstrument, served
 
 from drivers.acutronic.acutrol3000 import Acutrol3000 as Driver
 from sim_instruments.acutronic.acutrol3000 import Acutrol3000 as Simulator
-from sim_instruments.bench import Maker, SimulatedBench
+from sim_instruments.bench import Maker
 from sim_instruments.world.rotation import RotationHistory
 from station.clock import VirtualClock
-from station.instruments.opening import Place
-from station.safety.readings import Readings
 
 TABLE = "turntable"
 LIMITS = {"rate": 110.0, "acceleration": 50.0}
@@ -51,37 +49,21 @@ def table_entry(truth: Mapping[str, Any] | None = None) -> dict[str, Any]:
     }
 
 
-class Bench:
+class Bench(ServedInstrument):
     """A served bench with a table, and what a test needs of it."""
 
-    def __init__(self, clock: VirtualClock, simulation: SimulatedBench, framing: str) -> None:
-        self.clock, self.simulation, self.framing = clock, simulation, framing
-        self.readings = Readings(clock)
-        self.heard: list[tuple[str, bytes]] = []
-        self.address = str(simulation.instruments[TABLE]["address"])
+    framing = "framed"
 
     def rotation(self, axis: int) -> RotationHistory:
         """Return where an axis truly is."""
-        table: Any = self.simulation._served[TABLE]
-        rotation: RotationHistory = table.axes[axis]._rotation
+        rotation: RotationHistory = self.served.axes[axis]._rotation
         return rotation
 
-    def driver(self, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Driver:
+    def driver(self, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Any:
         """Return the driver, opened."""
-        heard = self.heard
-        return Driver(
-            Place(
-                TABLE,
-                self.address,
-                self.clock,
-                {"framing": self.framing, **settings},
-                limits,
-                trace=lambda direction, data: heard.append((direction, data)),
-                publisher=self.readings.publisher(TABLE),
-            )
-        )
+        return self.opened(limits, **{"framing": self.framing, **settings})
 
-    def homed(self, *axes: int, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Driver:
+    def homed(self, *axes: int, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Any:
         """Return the driver with axes closed, the first unless said."""
         table = self.driver(limits, **settings)
         for axis in axes or (1,):
@@ -90,14 +72,11 @@ class Bench:
             assert table.is_homed(axis)
         return table
 
-    def wait(self, table: Driver, axis: int = 1, within_s: float = 1000.0) -> None:
-        """Wait until an axis stands still."""
-        until_s = self.clock.now() + within_s
-        while table.is_moving(axis):
-            assert self.clock.now() < until_s
-            self.clock.sleep(0.1)
+    def wait(self, driver: Any, *axis: int, within_s: float = 1000.0) -> None:
+        """Wait until an axis stands still, the first unless said."""
+        super().wait(driver, *(axis or (1,)), within_s=within_s)
 
-    def wait_for_rate(self, table: Driver, axis: int = 1) -> None:
+    def wait_for_rate(self, table: Any, axis: int = 1) -> None:
         """Wait until an axis has its rate."""
         while not table.is_at_rate(axis):
             self.clock.sleep(0.1)
@@ -108,13 +87,15 @@ def table_bench(
     truth: Mapping[str, Any] | None = None, *faults: Mapping[str, Any], maker: Maker = Simulator
 ) -> Iterator[Bench]:
     """Serve a bench with a table while this thread takes part in time."""
-    bench = copy.deepcopy(BENCH)
+    data = copy.deepcopy(BENCH)
     entry = table_entry(truth)
-    bench["instruments"] = {TABLE: entry}
-    bench["simulation"]["faults"] = [{"instrument": TABLE, **fault} for fault in faults]
+    data["instruments"] = {TABLE: entry}
+    data["simulation"]["faults"] = [{"instrument": TABLE, **fault} for fault in faults]
     clock = VirtualClock()
-    with served(clock, bench, simulators={"acutrol-3000": maker}) as simulation:
-        yield Bench(clock, simulation, str(entry["simulator"]["framing"]))
+    with served(clock, data, simulators={"acutrol-3000": maker}) as simulation:
+        bench = Bench(clock, simulation, TABLE, Driver)
+        bench.framing = str(entry["simulator"]["framing"])
+        yield bench
 
 
 class RawTable(Line):

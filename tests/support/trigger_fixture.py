@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
-from fixture import bench_alone
-from quick_yaml import dump_yaml
 
 from sim_instruments.world import base as world
 from sim_instruments.world.base import TriggerLine
@@ -37,11 +34,3 @@ class Room(world.Room):
 
     def pump(self, time_s: float, on: bool) -> None:
         self.light.append((time_s, on))
-
-
-def bench_with_only(name: str, driver: str, serial: str, truth: Mapping[str, Any]) -> str:
-    """Return the text of a bench file with one instrument in the simulated bench's world."""
-    entry = {"driver": driver, "serial": serial, "simulator": dict(truth)}
-    bench = bench_alone(name, entry=entry)
-    bench["safe_state"] = [{"role": name, "within": "5 s"}]
-    return dump_yaml(bench)

@@ -5,20 +5,16 @@ The form is set by keys of `simulator` in the bench file, as a laboratory would 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import copy
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-from plan_runs import shipped_bench
-from quick_yaml import dump_yaml
+from our_drivers import alone, bench_from, shipped
 from sim_bench import Line
 
-from station import registry
 from station.conformance.fixture import Fixture, fixture_of
-from station.instruments.bench import read_bench
 
 
 class Variant:
@@ -59,19 +55,22 @@ class Variant:
 
 
 @contextmanager
-def variant(name: str, procedure: str, bench: str = "sim", **truth: Any) -> Iterator[Variant]:
-    """Serve an instrument of a shipped bench alone on virtual time, with changes of its truth."""
-    data = shipped_bench(bench)
-    entry = data["instruments"][name]
-    data["instruments"] = {name: {**entry, "simulator": {**entry["simulator"], **truth}}}
-    data["interlocks"] = [
-        one for one in data["interlocks"] if one["when"].get("instrument") == name
-    ]
-    data["safe_state"] = [one for one in data["safe_state"] if name.startswith(one["role"])]
-    data["simulation"].pop("faults", None)
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "bench.yaml"
-        path.write_text(dump_yaml(data), encoding="utf-8")
-        read = read_bench(path, registry.names(registry.DRIVERS))
-        with fixture_of(read, name, procedure) as fixture:
-            yield Variant(fixture)
+def variant(
+    name: str,
+    procedure: str,
+    bench: str = "sim",
+    *faults: Mapping[str, Any],
+    world: Mapping[str, Mapping[str, Any]] | None = None,
+    **truth: Any,
+) -> Iterator[Variant]:
+    """Serve an instrument of a shipped bench alone on virtual time, with changes of its truth.
+
+    `world` has changes of sections of the world's truth.
+    """
+    data = copy.deepcopy(alone(shipped(bench), name))
+    data["instruments"][name]["simulator"] |= truth
+    for section, changes in (world or {}).items():
+        data["simulation"][section] |= changes
+    data["simulation"]["faults"] = [{"instrument": name, **fault} for fault in faults]
+    with fixture_of(bench_from(data), name, procedure) as fixture:
+        yield Variant(fixture)

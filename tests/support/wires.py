@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import socket
 import threading
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,13 +34,11 @@ HANG_UP = object()
 
 
 Acts = tuple[Any, ...]
+"""Bytes to send, a Pause, or HANG_UP."""
 
 
 class Wire:
-    """A server that does, for its n-th request, the n-th of its acts; the last one for the rest.
-
-    An act is a tuple of bytes to send, a Pause, or HANG_UP.
-    """
+    """A server that does, for its n-th request, the n-th of its acts; the last one for the rest."""
 
     greeting = b""
     request = re.compile(rb"[^\n]*\n")
@@ -74,7 +72,7 @@ class Wire:
                     pending = pending[match.end() :]
                     if self.answered_aside(client, match.group()):
                         continue
-                    acts = self._acts[min(len(self.requests), len(self._acts) - 1)]
+                    acts = self.acts_for(match.group())
                     self.requests.append(match.group())
                     for act in acts:
                         if act is HANG_UP:
@@ -83,6 +81,10 @@ class Wire:
                             self._ended.wait(act.seconds)
                         else:
                             client.sendall(act)
+
+    def acts_for(self, request: bytes) -> Acts:
+        """Return what is done for the next request."""
+        return self._acts[min(len(self.requests), len(self._acts) - 1)]
 
     def answered_aside(self, client: socket.socket, request: bytes) -> bool:
         """Answer what belongs to the line and not to the instrument."""
@@ -104,6 +106,10 @@ class Wire:
 class KepcoWire(Wire):
     """A supply that always knows who it is; the acts are for everything else."""
 
+    def acts_for(self, request: bytes) -> Acts:
+        """Return what is done for the next request."""
+        return self._acts[min(len(self.requests), len(self._acts) - 1)]
+
     def answered_aside(self, client: socket.socket, request: bytes) -> bool:
         aside = request == b"*IDN?\n"
         if aside:
@@ -111,13 +117,42 @@ class KepcoWire(Wire):
         return aside
 
 
-@pytest.fixture(autouse=True)
-def no_thread_is_left() -> Iterator[None]:
+class Replay(Wire):
+    """An instrument that answers as it was recorded; `acts` makes what is sent of an answer.
+
+    The first `numbered` bytes of a request are its number, which its answer bears, too. Bytes that
+    are none of the requests are passed over.
+    """
+
+    def __init__(
+        self, recorded: Mapping[bytes, bytes], acts: Callable[[bytes], Acts], numbered: int = 0
+    ) -> None:
+        self._acts_of = acts
+        self._answers = {asked[numbered:]: answer[numbered:] for asked, answer in recorded.items()}
+        asked = b"|".join(map(re.escape, sorted(self._answers, key=len, reverse=True)))
+        self.request = re.compile(rb"(?s:.*?(.{%d}))(%s)" % (numbered, asked))
+        super().__init__()
+
+    def acts_for(self, request: bytes) -> Acts:
+        number, asked = self.request.fullmatch(request).groups()  # type: ignore[union-attr]
+        return self._acts_of(number + self._answers[asked])
+
+
+@contextmanager
+def no_thread_left() -> Iterator[None]:
+    """Prove that what is done inside leaves no thread behind."""
     before = set(threading.enumerate())
     yield
     for thread in set(threading.enumerate()) - before:
         thread.join(3.0)
-    assert set(threading.enumerate()) <= before
+    left = {thread.name for thread in set(threading.enumerate()) - before}
+    assert not left, left
+
+
+@pytest.fixture(autouse=True)
+def no_thread_is_left() -> Iterator[None]:
+    with no_thread_left():
+        yield
 
 
 def line_to(wire: Wire) -> str:

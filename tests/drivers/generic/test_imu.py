@@ -1,26 +1,26 @@
-"""A nine-axis sensor as a run uses it: a KVH 1775 and a sensor on CAN, over their real lines."""
+"""Nine-axis sensors as a run uses them, a KVH 1775 and one on CAN, over their real lines."""
 
 from __future__ import annotations
+
+import random
+import struct
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from fixture import recorded
 from imu_fixture import FIELD_NT, FORCE_G, KINDS, LATENCY_S, STRETCH, Spindle, imu
+from navigator_fixture import RawLine, bitwise_crc
 
-from drivers.transport.serial_stream import Numbering
+from drivers.kvh.imu_1775 import OUTPUT, SELF_TEST, TEXT, split
+from drivers.transport.can_line import CanLine
+from drivers.transport.can_messages import message_file
+from drivers.transport.serial_stream import Numbering, crc32_mpeg2
 from station.errors import InputError, InstrumentError
-from station.roles import Imu, SensorStatus
+from station.roles import SensorStatus
 
 both = pytest.mark.parametrize("kind", KINDS)
 FINEST = {"kvh": 1e-6, "can": 2.0**-15}
-
-
-@both
-def test_it_is_the_role_that_procedures_ask_for(kind: str) -> None:
-    with imu(kind) as (_, driver):
-        assert isinstance(driver, Imu)
-        assert driver.identify().serial == "0"
-        assert driver.status() == SensorStatus(())
 
 
 @both
@@ -99,8 +99,6 @@ def test_what_it_cannot_do_is_refused_before_anything_is_sent(kind: str) -> None
         for rate_Hz in (0.0, 33.33, 5000.0):
             with pytest.raises(InputError, match="sample_rate"):
                 driver.start(rate_Hz)
-        with pytest.raises(InputError, match="does not read 'field'"):
-            driver.read_quantity("field")
         assert not fixture.sent()
 
 
@@ -158,3 +156,163 @@ def test_frames_that_come_twice_or_late_are_left_out() -> None:
     sent = [1, 2, 3, 3, 4, 6, 7, 5, 8, 9]
     arrival_s = 0.1 * np.array([1, 2, 3, 3, 4, 6, 7, 7, 8, 9.0])
     assert numbers_of(sent, arrival_s) == [1, 2, 3, 4, 6, 7, 8, 9]
+
+
+# What goes wrong on its line, or with itself.
+
+
+@both
+def test_a_silence_is_told_to_whoever_watches_the_temperature(kind: str) -> None:
+    with imu(kind, {"fault": "silent", "at": "10 s"}) as (fixture, driver):
+        driver.start(10.0)
+        for _ in range(8):  # the temperature comes with every fourth output
+            recorded(fixture, driver, 1.05)
+        assert driver.read_quantity("temperature") is not None
+        recorded(fixture, driver, 10.0)
+        with pytest.raises(InstrumentError, match="no output came for"):
+            driver.read_quantity("temperature")
+
+
+def test_an_output_that_comes_late_is_left_out() -> None:
+    entry = {"fault": "late", "command": "output", "nth": 50, "count": 1, "delay": "1.05 s"}
+    with imu("kvh", entry) as (fixture, driver):
+        driver.start(10.0)
+        counter = recorded(fixture, driver, 20.0).columns["counter"].astype(int)
+        assert sorted(set(np.diff(counter).tolist())) == [1, 2]
+
+
+@both
+def test_an_overloaded_gyro_is_at_its_range_and_not_valid(kind: str) -> None:
+    with imu(kind, {"fault": "overload", "at": "5 s", "for": "5 s"}) as (fixture, driver):
+        driver.start(10.0)
+        columns = recorded(fixture, driver, 15.0).columns
+        bad = columns["status"] == 1
+        assert bad.sum() == pytest.approx(50, abs=1)
+        assert columns["gyro_x_deg_per_s"][bad] == pytest.approx(400.0)
+        assert not columns["status"][~bad].any()
+
+
+@both
+def test_a_gyro_that_failed_its_test_is_told(kind: str) -> None:
+    with imu(kind, {"fault": "gyro-fails", "at": "5 s"}) as (fixture, driver):
+        driver.start(10.0)
+        assert recorded(fixture, driver, 10.0).columns["status"][-1] == 1
+        (fault, *_) = driver.status().faults
+        assert "gyro" in fault or "built-in test, byte 1, bit 0" in fault
+
+
+@both
+def test_a_frozen_sensor_repeats_its_last_values(kind: str) -> None:
+    with imu(kind, {"fault": "frozen", "at": "5 s"}) as (fixture, driver):
+        driver.start(10.0)
+        columns = recorded(fixture, driver, 10.0).columns
+        assert np.ptp(columns["gyro_x_deg_per_s"][:45]) > 0.003
+        assert np.ptp(columns["gyro_x_deg_per_s"][-45:]) == 0.0
+        assert (np.diff(columns["counter"].astype(int)) == 1).all()
+
+
+@both
+def test_an_overheated_sensor_reads_warmer(kind: str) -> None:
+    with imu(kind, {"fault": "overheating", "at": "5 s", "rise": "60 K"}) as (fixture, driver):
+        driver.start(10.0)
+        recorded(fixture, driver, 10.0)
+        assert driver.read_quantity("temperature") == pytest.approx(80.1, abs=0.1)
+
+
+# Byte by byte, read by their descriptions alone.
+
+
+NINE_AXIS = "nine-axis-calibration"
+
+
+def test_the_checksum_is_that_of_mpeg_2() -> None:
+    assert crc32_mpeg2(b"123456789") == 0x0376E6E7  # the catalogue's check value
+    for data in (b"abcd", bytes(range(256))):
+        assert crc32_mpeg2(data) == bitwise_crc(data)
+
+
+def test_a_kvh_streams_from_power_up_as_its_clients_expect() -> None:
+    with imu("kvh") as (fixture, driver):
+        driver.close()
+        line = RawLine(fixture)
+        try:
+            line.write(b"=config,1\n=outputfmt,c\n=rotfmt,rate\n=rotunits,deg\n=dr,10\n")
+            assert line.received[:4] == bytes.fromhex("FE8100AA")  # of the power-up, unasked
+            answers = b"CONFIG,1\r\nOUTPUTFMT,C\r\nROTFMT,RATE\r\nROTUNITS,DEG\r\nDR,10\r\n"
+            assert line.received[11:] == answers
+            line.write(b"=config,0\n")
+            fixture.clock.sleep(0.95)
+            data = line.received  # CONFIG,0 is never answered
+        finally:
+            line.close()
+        assert len(data) == 10 * 38
+        frames = [data[k : k + 38] for k in range(0, len(data), 38)]
+        further = {0: 20.0, 1: FIELD_NT[0] * 1e-5, 2: FIELD_NT[1] * 1e-5, 3: FIELD_NT[2] * 1e-5}
+        sequences = []
+        for frame in frames:
+            assert frame[:4] == bytes.fromhex("FE81FF57")
+            *values, status, sequence, crc = struct.unpack(">7fBBI", frame[4:])
+            # 34 bytes: the padding of STIM300's checksum must not be added.
+            assert crc == crc32_mpeg2(frame[:34])
+            assert values[:3] == pytest.approx([1.0, -2.0, 3.0], abs=0.01)
+            assert values[3:6] == pytest.approx(list(FORCE_G))
+            assert values[6] == pytest.approx(further[sequence % 4], abs=0.02)
+            assert status == 0x77
+            sequences.append(sequence)
+        assert [(b - a) % 128 for a, b in pairwise(sequences)] == [1] * 9
+
+
+def frame_of(sequence: int) -> bytes:
+    body = bytes.fromhex("FE81FF57") + struct.pack(">7fBB", *range(7), 0x77, sequence)
+    return body + struct.pack(">I", crc32_mpeg2(body))
+
+
+def test_frames_and_lines_are_found_however_the_bytes_come() -> None:
+    self_test = bytes.fromhex("FE8100AA") + bytes([0x7F] * 6)
+    self_test += bytes([sum(self_test) % 256])
+    sent = [frame_of(1), b"DR,10\r\n", frame_of(2), self_test, b"\x12\xfe", frame_of(3)]
+    damaged = bytearray(frame_of(4))
+    damaged[20] ^= 1
+    whole = b"".join([*sent, bytes(damaged), frame_of(5)])
+    rng = random.Random(1)
+    for most in [1000, *[30, 300] * 25]:
+        found, pending, skipped, place = [], b"", 0, 0
+        while place < len(whole):
+            more = rng.randint(1, most) if most < 1000 else most
+            told = split(pending + whole[place : place + more])
+            found, pending, skipped = found + told.frames, told.rest, skipped + told.skipped
+            place += more
+        kinds = [kind for kind, _ in found]
+        assert kinds == [OUTPUT, TEXT, OUTPUT, SELF_TEST, OUTPUT, OUTPUT]
+        assert [payload[-1] for kind, payload in found if kind == OUTPUT] == [1, 2, 3, 5]
+        assert dict(found)[TEXT] == b"DR,10"
+        assert skipped + len(pending) == 2 + 38
+
+
+def test_the_message_file_and_the_sensor_agree_on_can() -> None:
+    messages = message_file("nine_axis")
+    with imu("can") as (fixture, driver):
+        driver.close()
+        names = {one.frame_id: one.name for one in messages.messages}
+        line = CanLine(fixture.place(), names)
+        try:
+            command = messages.get_message_by_name("IMU_COMMAND")
+            data = command.encode({"command": "start", "request_id": 7, "rate": 10.0})
+            line.send(command.frame_id, data)
+            fixture.clock.sleep(1.05)
+            frames = line.take(*names)
+        finally:
+            line.close()
+    ack, *rest = frames
+    told = messages.decode_message(ack.identifier, ack.data)
+    assert (told["result"], told["request_id"], told["rate"]) == ("ok", 7, 10.0)
+    order = ["IMU_GYRO_XY", "IMU_GYRO_Z_ACC_X", "IMU_ACC_YZ", "IMU_FURTHER"]
+    assert [names[one.identifier] for one in rest] == order * 10
+    outputs = [messages.decode_message(one.identifier, one.data) for one in rest]
+    assert [one["counter"] for one in outputs] == [k // 4 + 1 for k in range(40)]
+    assert outputs[0]["gyro_y"] == pytest.approx(-2.0, abs=1e-3)
+    assert outputs[1]["accelerometer_x"] == FORCE_G[0]
+    assert outputs[2]["accelerometer_z"] == FORCE_G[2]
+    assert outputs[3]["magnetometer_x"] == FIELD_NT[0]
+    assert outputs[11]["magnetometer_z"] == FIELD_NT[2]
+    assert outputs[15]["temperature"] == pytest.approx(20.0, abs=0.01)

@@ -2,95 +2,21 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-from conformance_runs import conformance
-from fixture import Fixture, bench_alone, standing
-from keysight_fixture import VOLTS, Room
+from keysight_fixture import burst, meter
 
-from drivers.keithley.multimeter_dmm6500 import PIECE, KeithleyDmm6500, same
+from drivers.keithley.multimeter_dmm6500 import PIECE, same
 from sim_instruments.keithley.multimeter_dmm6500 import KeithleyDmm6500 as SimulatedMeter
 from sim_instruments.keithley.multimeter_dmm6500_loop import SimpleLoop
-from station.errors import InstrumentError, InstrumentTimeout
-from station.roles import Multimeter
+from station.errors import InstrumentError
 
 IDENTITY = "KEITHLEY INSTRUMENTS,MODEL DMM6500,04592428,1.7.12b"
 NO_ERROR = '0,"No error;0;0 0"'
 
 
-@contextmanager
-def meter(
-    *faults: Any, volts: float = 0.5, slope: float = 0.0, truth: Any = None, **settings: Any
-) -> Iterator[tuple[Fixture, Any]]:
-    room = Room(volts, slope, 100.0)
-    given = {**VOLTS, **(truth or {})}
-    with standing("multimeter", SimulatedMeter, given, room, *faults, serial="04592428") as fixture:
-        driver = KeithleyDmm6500(fixture.place(**settings))
-        yield fixture, driver
-        driver.close()
-
-
-def burst(fixture: Fixture, driver: Any, readings: int) -> Any:
-    driver.start(readings)
-    for _ in range(1000):
-        block = driver.fetch()
-        if block is not None:
-            return block
-        fixture.clock.sleep(0.1)
-    raise AssertionError("the burst does not end")
-
-
-def test_it_is_a_multimeter_with_a_serial_number() -> None:
-    with meter() as (_, driver):
-        assert isinstance(driver, Multimeter)
-        identity = driver.identify()
-        assert (identity.maker, identity.serial) == ("KEITHLEY INSTRUMENTS", "04592428")
-
-
-def test_it_takes_the_next_range_up() -> None:
-    with meter() as (fixture, driver):
-        asked = (0.05, 0.1, 0.11, 1.0, -9.9, 11, 1000)
-        ranges = [0.1, 0.1, 1.0, 1.0, 10.0, 100.0, 1000.0]
-        assert [driver.configure(volts, 1) for volts in asked] == ranges
-        assert fixture.at_its_front_panel("VOLT:DC:INP?;:VOLT:RANG?") == "AUTO;1000"
-
-
-@pytest.mark.parametrize(
-    ("largest_V", "nplc", "stated"),
-    [
-        (1001.0, 10, "its highest one ends at 1000 V; lower the largest voltage"),
-        (1.0, 100, r"it can do 0\.0005, 0\.001, .* 10, 12; write one of these"),
-    ],
-)
-def test_what_the_meter_cannot_do_is_refused(largest_V: float, nplc: float, stated: str) -> None:
-    with meter() as (_, driver), pytest.raises(InstrumentError, match=stated):
-        driver.configure(largest_V, nplc)
-
-
-def test_a_burst_is_started_polled_and_fetched() -> None:
-    with meter() as (fixture, driver):
-        assert driver.configure(0.8, 10) == 1.0
-        before_s = fixture.clock.now()
-        driver.start(5)
-        assert driver.fetch() is None
-        assert fixture.clock.now() - before_s < 0.5
-        block = burst(fixture, driver, 5)
-        assert block.columns["reading"].tolist() == [0, 1, 2, 3, 4]
-        assert block.columns["voltage_V"].tolist() == [0.5] * 5
-        assert not block.columns["overload"].any()
-        assert fixture.newest("voltage") == 0.5
-        with pytest.raises(InstrumentError, match="none was begun since the last one"):
-            driver.fetch()
-
-
 def test_a_long_burst_is_read_in_pieces_and_in_order() -> None:
-    with meter(slope=1e-2) as (fixture, driver):
+    with meter("DMM6500", slope=1e-2) as (fixture, driver):
         driver.configure(1.0, 0.01)
         volts = burst(fixture, driver, 2 * PIECE + 1).columns["voltage_V"]
         assert len(volts) == 2 * PIECE + 1 and (np.diff(volts) >= 0).all()
@@ -98,44 +24,12 @@ def test_a_long_burst_is_read_in_pieces_and_in_order() -> None:
         assert [line.split(b",")[1] for line in asked] == [b"1000", b"2000", b"2001"]
 
 
-def test_another_start_forgets_the_burst_before() -> None:
-    with meter() as (fixture, driver):
-        driver.configure(1.0, 10)
-        driver.start(100)
-        assert len(burst(fixture, driver, 2)) == 2
-
-
-@pytest.mark.parametrize(("volts", "reading"), [(1.3, 9.9e37), (-1.3, -9.9e37)])
-def test_overloads_are_kept_and_marked(volts: float, reading: float) -> None:
-    with meter(volts=volts) as (fixture, driver):
-        driver.configure(1.0, 1)
-        block = burst(fixture, driver, 2)
-        assert block.columns["voltage_V"].tolist() == [reading] * 2
-        assert block.columns["overload"].tolist() == [1, 1]
-        assert fixture.newest("voltage") is None
-        with pytest.raises(InstrumentError, match="next higher range, 10 V"):
-            driver.read_quantity("voltage")
-
-
-def test_an_interlock_reads_between_bursts_and_does_not_disturb_one() -> None:
-    with meter() as (fixture, driver):
-        assert driver.read_quantity("voltage") is None
-        driver.configure(1.0, 10)
-        assert driver.read_quantity("voltage") == 0.5
-        driver.start(5)
-        assert driver.read_quantity("voltage") is None
-        fixture.clock.sleep(1.0)
-        assert driver.read_quantity("voltage") == 0.5
-        fixture.clock.sleep(5.0)
-        assert len(driver.fetch()) == 5
-
-
 def test_settings_are_put_back_as_they_were_met() -> None:
     asked = (
         "SENS:FUNC?;:VOLT:RANG:AUTO?;:VOLT:RANG?;:VOLT:NPLC?;:VOLT:AZER?;:VOLT:INP?;:VOLT:AVER?;"
         ":VOLT:REL:STAT?;:CALC:VOLT:MATH:STAT?"
     )
-    with meter(auto_zero=False) as (fixture, driver):
+    with meter("DMM6500", auto_zero=False) as (fixture, driver):
         fixture.at_its_front_panel('FUNC "FRES";:VOLT:NPLC 5;:VOLT:AVER ON;:VOLT:REL:STAT ON')
         fixture.at_its_front_panel("CALC:VOLT:MATH:STAT ON")
         met = fixture.at_its_front_panel(asked)
@@ -150,62 +44,23 @@ def test_settings_are_put_back_as_they_were_met() -> None:
 
 @pytest.mark.parametrize("language", ["TSP", "SCPI2000", "SCPI34401"])
 def test_another_command_set_is_stated_and_nothing_is_set(language: str) -> None:
-    with meter(truth={"command_set": language}) as (fixture, driver):
+    with meter("DMM6500", truth={"command_set": language}) as (fixture, driver):
         assert driver.identify().model == "MODEL DMM6500"
         with pytest.raises(InstrumentError, match=f"it is '{language}', and nothing was set"):
             driver.configure(1.0, 1)
         assert fixture.sent()[-1] == b"*LANG?\n"
 
 
-def test_other_mains_than_the_bench_file_states_are_refused() -> None:
-    stated = "it measured 50 Hz, the bench file states 60 Hz"
-    with (
-        meter(line_frequency="60 Hz") as (_, driver),
-        pytest.raises(InstrumentError, match=stated),
-    ):
-        driver.configure(1.0, 10)
-
-
 def test_a_setting_that_does_not_stay_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SimulatedMeter, "_set", lambda *_: None)
     stated = "set VOLT:DC:RANG:AUTO to 0: it reads back 1"
-    with meter() as (_, driver), pytest.raises(InstrumentError, match=stated):
+    with meter("DMM6500") as (_, driver), pytest.raises(InstrumentError, match=stated):
         driver.configure(1.0, 10)
-
-
-def test_a_burst_that_somebody_else_ended_is_reported() -> None:
-    with meter() as (fixture, driver):
-        driver.configure(1.0, 10)
-        driver.start(10)
-        fixture.clock.sleep(1.0)
-        fixture.at_its_front_panel("ABOR")
-        with pytest.raises(InstrumentError, match="it ended with 2 in its memory"):
-            driver.fetch()
-
-
-@pytest.mark.parametrize(
-    ("fault", "kind", "stated"),
-    [
-        ({"fault": "no-reply"}, InstrumentTimeout, "no answer came within 0.5 s"),
-        ({"fault": "nan"}, InstrumentError, "NaN"),
-        ({"fault": "nan", "text": "9.91E+37"}, InstrumentError, "9.91E"),
-    ],
-)
-def test_a_fault_on_the_wire_is_one_sentence_and_the_burst_is_not_lost(
-    fault: Any, kind: type[InstrumentError], stated: str
-) -> None:
-    with meter({**fault, "command": "TRAC:DATA"}) as (fixture, driver):
-        driver.configure(1.0, 1)
-        driver.start(3)
-        fixture.clock.sleep(1.0)
-        with pytest.raises(kind, match=stated):
-            driver.fetch()
-        assert driver.fetch().columns["voltage_V"].tolist() == [0.5] * 3
 
 
 def test_a_strange_state_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SimpleLoop, "state", "DREAMING;IDLE;1")
-    with meter() as (_, driver):
+    with meter("DMM6500") as (_, driver):
         driver.configure(1.0, 1)
         driver.start(3)
         with pytest.raises(InstrumentError, match="DREAMING"):
@@ -218,7 +73,7 @@ def test_words_and_numbers_read_back_as_they_were_set() -> None:
 
 
 def test_a_strangers_session_on_the_wire() -> None:
-    with meter() as (fixture, _), fixture.line() as line:
+    with meter("DMM6500") as (fixture, _), fixture.line() as line:
         assert line.ask("*IDN?") == IDENTITY
         line.write("*LANG SCPI")
         assert line.ask("*LANG?") == "SCPI"
@@ -256,14 +111,3 @@ def test_a_strangers_session_on_the_wire() -> None:
             assert answer.startswith(f"{code},"), wrong
             assert answer.count(";") == 2, "text, severity and time"
         assert line.ask("SYST:ERR?") == NO_ERROR
-
-
-def test_the_driver_conforms(tmp_path: Path) -> None:
-    entry = {"driver": "keithley-dmm6500", "serial": "04592428", "simulator": VOLTS}
-    bench = tmp_path / "bench.yaml"
-    alone = bench_alone("multimeter", "sim", entry)
-    bench.write_text(json.dumps(alone), "utf-8")  # it keeps the quotes of the serial number
-    procedure = ("--station-procedure", "accelerometer-magnetic-sensitivity")
-    done = conformance(tmp_path, "keithley-dmm6500", str(bench), "-v", *procedure)
-    assert done.returncode == 0, done.stdout
-    assert "test_multimeter" in done.stdout

@@ -20,7 +20,6 @@ from sim_instruments.kepco.bop import KepcoBop as SimulatedKepco
 from station.clock import VirtualClock
 from station.errors import InstrumentError, PauseRefused
 from station.instruments.opening import Place
-from station.roles import DirectCurrentSupply
 from station.units import parse_as
 
 NAME = "coil_supply.dc"
@@ -91,11 +90,6 @@ def bench(
             here.supply.close()
             simulation.close()
             clock.stop()
-
-
-def test_it_fills_the_role_of_a_steady_supply() -> None:
-    with bench() as here:
-        assert isinstance(here.supply, DirectCurrentSupply)
 
 
 def test_it_is_switched_on_at_zero_and_says_so() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 import yaml
@@ -12,7 +11,7 @@ from generator_fixture import LATENCY_S, TRUTH, Fixture, standing
 
 from drivers.generic.coil_generator_messages import differs
 from drivers.keysight.generator_33522b import Keysight33522B
-from station.errors import InputError, InstrumentError, InstrumentTimeout
+from station.errors import InstrumentError, InstrumentTimeout
 from station.instruments.scan import draft, recognised
 
 
@@ -33,57 +32,6 @@ def now(fixture: Fixture, coil: str) -> float:
     return float(fixture.room.volts(coil, fixture.clock.now())[0])
 
 
-def test_a_voltage_that_is_held_is_at_the_coil_at_once(
-    fixture: Fixture, generator: Keysight33522B
-) -> None:
-    identity = generator.identify()
-    assert (identity.model, identity.serial) == ("33522B", "MY59000101")
-    generator.programme_limits()
-    assert generator.read_safety().read_back == "channel 1 off, channel 2 off"
-    generator.hold(1, 1.25)
-    generator.hold(2, -0.5)
-    assert (now(fixture, "x"), now(fixture, "y")) == (1.25, -0.5)
-    assert fixture.newest("output") == "on"
-    generator.hold(1, -8.9)
-    assert (now(fixture, "x"), now(fixture, "y")) == (-8.9, -0.5)
-    generator.switch_off(1)
-    assert (now(fixture, "x"), now(fixture, "y")) == (0.0, -0.5)
-    assert generator.read_quantity("output") == "on"
-    generator.make_safe(fixture.clock.now() + 5.0)
-    assert (now(fixture, "x"), now(fixture, "y")) == (0.0, 0.0)
-    assert generator.read_safety().safe
-    assert fixture.newest("output") == "off"
-
-
-def test_a_voltage_that_is_held_changes_without_a_gap(
-    fixture: Fixture, generator: Keysight33522B
-) -> None:
-    generator.hold(1, 1.0)
-    fixture.heard.clear()
-    generator.hold(1, 2.0)
-    assert not [said for said in fixture.sent() if b"OUTP1 O" in said]
-
-
-@pytest.mark.parametrize("step_V", [2.5, -2.5])
-def test_a_step_begins_at_the_trigger_and_ends_by_itself(
-    fixture: Fixture, generator: Keysight33522B, step_V: float
-) -> None:
-    generator.hold(1, 0.3)
-    generator.hold(2, -0.2)
-    generator.prepare_step(1, step_V, 0.1)
-    generator.prepare_step(2, -step_V, 0.1)
-    assert (now(fixture, "x"), now(fixture, "y")) == pytest.approx((0.3, -0.2))
-    fixture.clock.sleep(1.0)
-    at_s = fixture.rise()
-    around_s = [at_s, at_s + 1e-6, at_s + 0.0999, at_s + 0.1001, at_s + 10.0]
-    high = 0.3 + step_V
-    assert fixture.room.volts("x", *around_s) == pytest.approx([0.3, high, high, 0.3, 0.3])
-    low = -0.2 - step_V
-    assert fixture.room.volts("y", *around_s) == pytest.approx([-0.2, low, low, -0.2, -0.2])
-    edges_s = [fixture.room.coils[coil].breakpoints(at_s, at_s + 1.0)[0] for coil in "xy"]
-    assert edges_s == pytest.approx([at_s + LATENCY_S] * 2, abs=1e-12)
-
-
 def test_two_generators_start_together_at_one_trigger(
     fixture: Fixture, generator: Keysight33522B
 ) -> None:
@@ -99,16 +47,6 @@ def test_two_generators_start_together_at_one_trigger(
     assert fixture.room.volts("gradient", at_s + 0.15) == [8.0]
     other_generator.close()
     other.simulator.close()
-
-
-def test_a_step_that_is_disarmed_never_comes(fixture: Fixture, generator: Keysight33522B) -> None:
-    generator.hold(1, 0.7)
-    generator.prepare_step(1, 1.0, 0.1)
-    generator.disarm(1)
-    generator.disarm(2)
-    fixture.clock.sleep(1.0)
-    assert fixture.room.volts("x", fixture.rise() + 0.05) == pytest.approx([0.7])
-    assert fixture.at_its_front_panel("OUTP2?") == "0"
 
 
 def test_a_held_voltage_may_change_while_the_other_channel_waits(
@@ -197,35 +135,6 @@ def test_a_termination_that_somebody_changed_is_caught_before_it_doubles_a_volta
     assert now(fixture, "x") == pytest.approx(1.2)
 
 
-def test_a_reset_of_the_loads_can_be_simulated() -> None:
-    with standing({"fault": "load-reset", "at": "10 s"}) as fixture:
-        generator = Keysight33522B(fixture.place())
-        generator.hold(1, 1.0)
-        fixture.clock.sleep(11.0)
-        with pytest.raises(InstrumentError, match=r"LOAD.*came back where inf belongs"):
-            generator.prepare_step(1, 1.0, 0.1)
-        assert generator.read_safety().safe
-        generator.close()
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"load": None}, "correct settings.load"),
-        ({"load": "open"}, "must be high-impedance, or a resistance: 'open' is not a number"),
-        ({"load": 50}, "correct settings.load"),
-        ({"load": "0.5 ohm"}, "must be 1 ohm to 10000 ohm, or high-impedance, not 0.5 ohm"),
-        ({"trigger": "internal"}, "should be 'external' or 'bus'"),
-    ],
-)
-def test_a_setting_that_is_missing_or_wrong_is_told(
-    fixture: Fixture, settings: dict[str, Any], said: str
-) -> None:
-    with pytest.raises(InstrumentError, match="read the bench file") as raised:
-        Keysight33522B(fixture.place(**settings))
-    assert said in str(raised.value)
-
-
 @pytest.mark.parametrize(("load", "largest"), [("high-impedance", "10 V"), ("50 ohm", "5 V")])
 def test_a_limit_beyond_the_rating_is_refused(fixture: Fixture, load: str, largest: str) -> None:
     generator = Keysight33522B(fixture.place({"voltage": 10.5}, load=load))
@@ -235,41 +144,6 @@ def test_a_limit_beyond_the_rating_is_refused(fixture: Fixture, load: str, large
 
 
 # What goes wrong.
-
-
-def test_a_voltage_beyond_the_limit_is_not_tried(
-    fixture: Fixture, generator: Keysight33522B
-) -> None:
-    generator.hold(1, 8.0)
-    fixture.heard.clear()
-    for ask in (
-        lambda: generator.hold(1, 9.1),
-        lambda: generator.hold(1, float("nan")),
-        lambda: generator.prepare_step(1, 1.5, 0.1),
-        lambda: generator.prepare_step(1, -17.5, 0.1),
-    ):
-        with pytest.raises(InstrumentError, match="the bench allows 9 V"):
-            ask()
-    assert not fixture.sent()
-    assert now(fixture, "x") == 8.0
-
-
-def test_a_value_that_the_instrument_clips_is_told_and_switched_off(
-    fixture: Fixture, generator: Keysight33522B
-) -> None:
-    generator.programme_limits()
-    fixture.at_its_front_panel("SOUR1:VOLT:LIM:HIGH 2")
-    with pytest.raises(InstrumentError) as raised:
-        generator.hold(1, 3.0)
-    assert "it refused with -221" in str(raised.value)
-    assert "and the channel was switched off; " in str(raised.value)
-    assert now(fixture, "x") == 0.0
-    assert fixture.newest("output") == "off"
-    with pytest.raises(InstrumentError, match="level clipped due to voltage limit"):
-        generator.prepare_step(1, 3.0, 0.1)
-    # The fault of one request is no fault of the next.
-    generator.hold(1, 1.0)
-    assert now(fixture, "x") == 1.0
 
 
 def test_what_somebody_left_in_the_instrument_is_gone(fixture: Fixture) -> None:
@@ -309,42 +183,6 @@ def test_a_trigger_that_does_not_reach_it_starts_nothing() -> None:
         generator.close()
 
 
-WIRE_FAULTS: dict[str, tuple[dict[str, Any], type[InstrumentError], str]] = {
-    "silent": ({"fault": "no-reply"}, InstrumentTimeout, "no answer came within 0.5 s"),
-    "partial": ({"fault": "partial"}, InstrumentTimeout, "without the end of an answer"),
-    "garbled": ({"fault": "garbled"}, InstrumentError, "which is no text"),
-    "not a number": ({"fault": "nan"}, InstrumentError, "'NaN' came back where"),
-    "the answer before": ({"fault": "previous-reply"}, InstrumentError, "came back"),
-}
-
-
-@pytest.mark.parametrize("fault", WIRE_FAULTS)
-@pytest.mark.parametrize("step", [False, True], ids=["hold", "step"])
-def test_a_fault_on_the_wire_is_one_sentence_and_the_channel_is_off(fault: str, step: bool) -> None:
-    entry, kind, said = WIRE_FAULTS[fault]
-    with standing({**entry, "command": "FUNC?"}) as fixture:
-        generator = Keysight33522B(fixture.place())
-        with pytest.raises(kind) as raised:
-            if step:
-                generator.prepare_step(1, 1.0, 0.1)
-            else:
-                generator.hold(1, 1.0)
-        text = str(raised.value)
-        assert said in text
-        assert text.startswith("signal_generator.xy: ")
-        assert ", and the channel was switched off; " in text
-        assert generator.read_safety().safe
-        generator.close()
-
-
-def test_a_setting_is_read_back_again_over_a_new_line() -> None:
-    with standing({"fault": "dropped-connection", "command": "FUNC?"}) as fixture:
-        generator = Keysight33522B(fixture.place())
-        generator.hold(1, 1.0)
-        assert fixture.room.volts("x", fixture.clock.now()) == [1.0]
-        generator.close()
-
-
 def test_on_the_way_to_rest_a_lost_answer_does_not_decide() -> None:
     lost = [{"fault": "no-reply", "command": f"OUTP{n}", "at": "5 s"} for n in (1, 2)]
     with standing(*lost) as fixture:
@@ -370,12 +208,6 @@ def test_where_it_does_not_listen_a_last_attempt_switches_off_and_the_error_is_t
             channel = "channel 1 off, channel 2 " + ("off" if safe else "on")
             assert generator.read_safety().read_back == channel
             generator.close()
-
-
-def test_only_the_output_is_a_quantity(generator: Keysight33522B) -> None:
-    assert generator.read_quantity("output") == "off"
-    with pytest.raises(InputError, match="does not read 'voltage'"):
-        generator.read_quantity("voltage")
 
 
 def test_it_works_where_there_is_nothing_to_drive() -> None:

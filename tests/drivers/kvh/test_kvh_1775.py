@@ -170,3 +170,10 @@ def test_a_unit_that_does_not_stream_after_its_configuration_is_noticed() -> Non
     fault = {"fault": "silent", "at": "0 s"}
     with imu("kvh", fault) as (_, driver), pytest.raises(InstrumentTimeout, match="no output came"):
         driver.start(10.0)
+
+
+def test_a_built_in_test_that_is_not_answered_is_no_good_one() -> None:
+    fault = {"fault": "lost-frame", "command": "command ?bit"}
+    states = "no built-in test came within 0.5 s"
+    with imu("kvh", fault) as (_, driver), pytest.raises(InstrumentTimeout, match=states):
+        driver.status()

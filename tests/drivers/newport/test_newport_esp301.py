@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
-from conformance_runs import conformance
-from stage_bench import LIMITS, STAGE, TRUTH, Bench, RawStage, stage_bench
+from fixture import error_of
+from stage_bench import LIMITS, STAGE, RawStage, stage_bench
+from variants import variant
 
-from drivers.newport.esp301 import NewportEsp301
-from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.world.rotation import RotationHistory
-from station.clock import RealClock
-from station.errors import InputError, InstrumentError, InstrumentTimeout
-from station.files.lookup import BENCHES, find
-from station.instruments.opening import Place
-from station.roles import MadeSafe, RotaryStage
+from station.errors import InstrumentError
 
 ARCSEC_DEG = 1 / 3600
 
@@ -148,26 +139,7 @@ def test_software_limits_and_a_motor_that_is_off_refuse_a_movement() -> None:
         assert line.value("1TP?") == pytest.approx(6.0, abs=2 * ARCSEC_DEG)
 
 
-def test_a_missing_truth_is_named() -> None:
-    from sim_instruments.truth import SimulationError
-
-    for key in TRUTH:
-        with pytest.raises(SimulationError) as raised, stage_bench({key: None}):
-            pass
-        assert key in str(raised.value)
-
-
 # The driver.
-
-
-def test_the_driver_has_the_verbs_of_its_role() -> None:
-    with stage_bench() as bench:
-        stage = bench.driver()
-        assert isinstance(stage, RotaryStage)
-        assert isinstance(stage, MadeSafe)
-        identity = stage.identify()
-        assert (identity.model, identity.serial) == ("ESP301 with URS100BPP", "B1234")
-        assert identity.firmware == "3.0.1"
 
 
 def test_the_stage_goes_to_its_angles_and_the_world_turns_with_it() -> None:
@@ -210,29 +182,6 @@ def test_a_stage_that_protects_its_settings_is_used_at_the_bench_s_rate() -> Non
             bench.driver({**LIMITS, "rate": 90.0}).programme_limits()
 
 
-@pytest.mark.parametrize("angle_deg", [-176.0, 366.0, float("nan")])
-def test_an_angle_beyond_the_bench_is_refused(angle_deg: float) -> None:
-    with stage_bench() as bench:
-        stage = bench.homed()
-        bench.heard.clear()
-        with pytest.raises(InstrumentError, match="the bench allows -175 deg to 365 deg"):
-            stage.move_to(angle_deg)
-        assert not bench.heard
-
-
-def test_a_stage_that_is_not_homed_is_not_moved() -> None:
-    with stage_bench() as bench:
-        stage = bench.driver()
-        assert not stage.is_homed()
-        with pytest.raises(InstrumentError, match="; home it first"):
-            stage.move_to(10.0)
-        stage.home()
-        with pytest.raises(InstrumentError, match="; home it first"):
-            stage.move_to(10.0)
-        bench.wait(stage)
-        stage.move_to(10.0)
-
-
 def test_a_stage_without_a_rate_limit_does_not_turn() -> None:
     with stage_bench() as bench:
         stage = bench.driver({"acceleration": 10.0})
@@ -249,17 +198,11 @@ def test_errors_of_others_are_not_taken_for_ours() -> None:
         stage.move_to(5.0)
 
 
-def told(bench: Bench, act: Callable[[], object]) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
-
-
 def test_a_following_error_is_named_and_asks_for_homing() -> None:
     with stage_bench(None, {"fault": "following-error", "command": "1PA"}) as bench:
         stage = bench.homed()
         stage.move_to(90.0)
-        text = told(bench, lambda: bench.wait(stage))
+        text = error_of(lambda: bench.wait(stage))
         assert "following error" in text and "error 103" in text and "homes it" in text
         assert stage.read_safety().safe
         assert not stage.is_homed()
@@ -272,10 +215,10 @@ def test_the_emergency_stop_is_named_and_holds_until_it_is_released() -> None:
         stage = bench.homed()
         bench.clock.sleep_until(58.0)
         stage.move_to(90.0)
-        text = told(bench, lambda: bench.wait(stage))
+        text = error_of(lambda: bench.wait(stage))
         assert "the emergency stop was pressed (error 4" in text
         assert "nobody is in danger" in text
-        assert "emergency stop" in told(bench, stage.home)
+        assert "emergency stop" in error_of(stage.home)
         bench.clock.sleep_until(71.0)
         stage.home()
         bench.wait(stage)
@@ -287,7 +230,7 @@ def test_a_motor_that_somebody_switched_off_is_named() -> None:
         stage = bench.homed()
         with RawStage(bench) as line:
             line.tell("1MF")
-            text = told(bench, lambda: stage.move_to(20.0))
+            text = error_of(lambda: stage.move_to(20.0))
             assert "the motor is off (error 113, MOTOR NOT ENABLED)" in text
             assert not stage.is_homed()
 
@@ -299,7 +242,7 @@ def test_an_encoder_that_jumps_is_noticed_at_rest() -> None:
         bench.wait(stage)
         stage.angle_deg()
         bench.clock.sleep_until(61.0)
-        text = told(bench, stage.angle_deg)
+        text = error_of(stage.angle_deg)
         assert re.search(r"the encoder reads 30\.05\d* deg where 30\.00000 deg was commanded", text)
         assert not stage.is_homed()
 
@@ -311,7 +254,7 @@ def test_a_blocked_stage_is_noticed_and_homing_finds_its_lost_steps() -> None:
         bench.clock.sleep_until(59.0)
         stage.move_to(90.0)
         bench.wait(stage)
-        assert "look for a blocked stage" in told(bench, stage.angle_deg)
+        assert "look for a blocked stage" in error_of(stage.angle_deg)
         bench.clock.sleep_until(81.0)
         stage.home()
         bench.wait(stage)
@@ -324,7 +267,7 @@ def test_a_movement_that_does_not_end_is_an_error() -> None:
     with stage_bench({"settling": "1 h"}) as bench:
         stage = bench.driver()
         stage.home()
-        text = told(bench, lambda: bench.wait(stage, 500.0))
+        text = error_of(lambda: bench.wait(stage))
         assert "has not settled" in text
         assert bench.clock.now() == pytest.approx(120.0, abs=1.0)
 
@@ -382,81 +325,29 @@ def test_an_interlock_can_ask_for_it_at_any_time(quantity: str, value: Any) -> N
         stage.move_to(180.0)
         bench.clock.sleep(2.0)
         assert stage.read_quantity(quantity) == pytest.approx(value, abs=0.01)
-        with pytest.raises(InputError, match="does not read 'temperature'"):
-            stage.read_quantity("temperature")
 
 
-def test_every_fault_of_the_wire_is_one_clear_sentence() -> None:
-    wrong = [one for one in applicable_faults("ascii", "newport-esp301") if one != "port-gone"]
-    assert {"garbled", "partial", "stuck", "encoder-jump", "following-error"} <= set(wrong)
-    for fault in (
-        "no-reply",
-        "late",
-        "partial",
-        "garbled",
-        "wrong-terminator",
-        "lost-command",
-        "nan",
-    ):
-        with stage_bench(None, {"fault": fault, "command": "1TP?", "at": "60 s"}) as bench:
-            stage = bench.homed()
-            bench.clock.sleep_until(60.0)
-            before_s = bench.clock.now()
-            text = told(bench, stage.angle_deg)
-            assert bench.clock.now() - before_s <= 0.51, fault
-            assert text.startswith("rotary_stage: sent '1TP?': ") and "; check" in text, text
-            for _ in range(3):
-                assert stage.angle_deg() == pytest.approx(0.0, abs=2 * ARCSEC_DEG), fault
+# Stages of several kinds.
 
 
-def test_a_line_that_is_dropped_is_opened_again() -> None:
-    with stage_bench(None, {"fault": "dropped-connection", "command": "1MD?"}) as bench:
-        stage = bench.driver()
+SHIPPED = (STAGE, "accelerometer-magnetic-sensitivity")
+
+
+@pytest.mark.parametrize("protected", [False, True])
+def test_a_stage_that_protects_its_settings_is_noted(protected: bool) -> None:
+    with variant(*SHIPPED, settings_protected=protected) as here:
+        here.driver().programme_limits()
+        assert here.met() == (["keeps its own VU", "keeps its own AU"] if protected else [])
+
+
+def test_a_movement_that_somebody_waits_for_delays_the_driver_and_ends_where_it_should() -> None:
+    with variant(*SHIPPED) as here:
+        stage = here.driver()
         stage.home()
-        bench.wait(stage)
-        assert stage.is_homed()
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"axis": 4}, {"axis": "x"}, {"home_mode": 0}, {"in_position": "1 mm"}]
-)
-def test_wrong_settings_are_told(wrong: dict[str, Any]) -> None:
-    place = Place(STAGE, "socket://127.0.0.1:1", RealClock(), wrong, LIMITS)
-    with pytest.raises(InstrumentError, match="its settings are wrong"):
-        NewportEsp301(place)
-
-
-def test_nobody_there_is_told_in_time() -> None:
-    place = Place(STAGE, "socket://127.0.0.1:1", RealClock(), {}, LIMITS)
-    with pytest.raises(InstrumentError, match="nothing answers there"):
-        NewportEsp301(place)
-
-
-def test_a_silent_controller_is_told_in_time() -> None:
-    with stage_bench(None, {"fault": "no-reply", "command": "VE?"}) as bench:
-        stage = bench.driver()
-        with pytest.raises(InstrumentTimeout, match=r"no answer came within 0\.5 s"):
-            stage.identify()
-
-
-def test_our_stage_conforms(tmp_path: Path) -> None:
-    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
-    bench["instruments"] = {
-        STAGE: {
-            "driver": "newport-esp301",
-            "serial": "B1234",
-            "limits": {
-                "rate": "20 deg/s",
-                "acceleration": "40 deg/s^2",
-                "angle_low": "-175 deg",
-                "angle_high": "365 deg",
-            },
-            "simulator": TRUTH,
-        }
-    }
-    bench["safe_state"] = [{"role": STAGE, "within": "10 s"}]
-    bench.pop("interlocks", None)
-    (tmp_path / "stage.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
-    done = conformance(tmp_path, "newport-esp301", f".{os.sep}stage.yaml")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert " passed" in done.stdout
+        while stage.is_moving():
+            here.clock.sleep(0.05)
+        began_s = here.clock.now()
+        stage._line.command("1PA0.1;1WS")
+        assert here.clock.now() - began_s > 0.2, "the settling at least"
+        assert not stage.is_moving()
+        assert stage.angle_deg() == pytest.approx(0.1, abs=0.002)

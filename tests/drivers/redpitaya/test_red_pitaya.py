@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conformance_runs import conformance
-from fixture import EmptyRoom, Fixture, standing
-from trigger_fixture import Room, Signal, bench_with_only
+from fixture import EmptyRoom, Fixture, error_of, standing
+from trigger_fixture import Room, Signal
 
 from drivers.redpitaya.stemlab_125_14 import RedPitaya
 from drivers.redpitaya.stemlab_settings import Record
 from sim_instruments.redpitaya.stemlab_125_14 import RedPitaya as Board
-from sim_instruments.truth import SimulationError
-from station.clock import RealClock
-from station.errors import InputError, InstrumentError
-from station.instruments.opening import Place
 from station.instruments.scan import recognised
-from station.roles import Block, Digitizer, MadeSafe
+from station.roles import Block
 
 NAME = "digitizer"
 TRUTH = {
@@ -135,22 +128,12 @@ def test_what_a_system_does_not_know_is_not_answered(version: str, unknown: str)
         assert line.ask("SYST:ERR?").startswith("-113,")
 
 
-@pytest.mark.parametrize("key", TRUTH)
-def test_a_missing_truth_is_named(key: str) -> None:
-    given = {name: value for name, value in TRUTH.items() if name != key}
-    with pytest.raises(SimulationError, match=key), standing(NAME, Board, given, Room(ramp)):
-        pass
-
-
 # The driver.
 
 
-def test_the_driver_has_the_verbs_of_its_role_and_is_found_by_a_scan() -> None:
+def test_it_is_asked_with_its_own_line_end_and_is_found_by_a_scan() -> None:
     with opened() as (fixture, driver):
-        assert isinstance(driver, Digitizer)
-        assert isinstance(driver, MadeSafe)
-        identity = driver.identify()
-        assert (identity.model, identity.serial) == ("STEMlab 125-14", "0")
+        driver.identify()
         assert ((">", b"*IDN?\r\n")) in fixture.heard
     for answer in ("REDPITAYA,INSTR2024,0,01-02", "REDPITAYA,INSTR2025,,01-21"):
         assert recognised("TCPIP::192.0.2.1::5000::SOCKET", answer).driver == "red-pitaya-125-14"
@@ -265,38 +248,32 @@ def test_the_edge_that_starts_the_record_is_the_one_that_others_get() -> None:
         assert [kind for _, kind in fixture.room.edges] == ["rise", "fall"] * 2
 
 
-def told(act: Any) -> str:
-    with pytest.raises(InstrumentError) as raised:
-        act()
-    return str(raised.value)
-
-
 def test_a_full_scale_beyond_the_jumpers_names_them() -> None:
     with opened() as (_, driver):
-        assert "move the input's jumpers to HV" in told(lambda: driver.prepare(1e4, 0.01, 1.5))
+        assert "move the input's jumpers to HV" in error_of(lambda: driver.prepare(1e4, 0.01, 1.5))
     with opened(settings={"jumper": "HV"}, jumper="HV") as (_, driver):
-        assert "put a divider" in told(lambda: driver.prepare(1e4, 0.01, 25.0))
+        assert "put a divider" in error_of(lambda: driver.prepare(1e4, 0.01, 25.0))
 
 
 def test_a_record_that_does_not_fit_is_refused_with_what_would() -> None:
     with opened() as (_, driver):
-        text = told(lambda: driver.prepare(10e3, 2.0, 1.0))
+        text = error_of(lambda: driver.prepare(10e3, 2.0, 1.0))
         assert "its 16384 values hold 1.6 s" in text
         assert driver.prepare(10e3, 1.6, 1.0) == pytest.approx(10e3)
 
 
 def test_a_wrong_system_version_is_noticed_by_reading_back() -> None:
     with opened(settings={"os_version": "2.05"}, os_version="2.00-18") as (_, driver):
-        assert "ACQ:DEC:F?': no answer came" in told(lambda: driver.prepare(10e3, 0.05, 1.0))
+        assert "ACQ:DEC:F?': no answer came" in error_of(lambda: driver.prepare(10e3, 0.05, 1.0))
     with opened(settings={"os_version": "1.04"}, os_version="1.03") as (_, driver):
-        text = told(lambda: driver.prepare(50e3, 0.05, 1.0))
+        text = error_of(lambda: driver.prepare(50e3, 0.05, 1.0))
         assert "ACQ:DEC? reads '1' where 2048 belongs" in text
         assert "settings.os_version" in text
 
 
 def test_a_trigger_wire_that_is_not_seated_is_noticed_before_anything_is_triggered() -> None:
     with opened(ramp, {"fault": "no-trigger"}) as (fixture, driver):
-        text = told(lambda: driver.prepare(10e3, 0.05, 1.0))
+        text = error_of(lambda: driver.prepare(10e3, 0.05, 1.0))
         assert "DIG:PIN? DIO0_P reads '1' where 0 belongs" in text
         assert "seat the wire between DIO0_N and DIO0_P" in text
         assert not fixture.room.edges
@@ -305,7 +282,7 @@ def test_a_trigger_wire_that_is_not_seated_is_noticed_before_anything_is_trigger
 def test_a_trigger_that_never_comes_is_told_at_once() -> None:
     with opened(ramp, {"fault": "no-trigger", "command": "ACQ:START"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
-        assert "ACQ:TRIG:STAT? reads 'WAIT' where TD belongs" in told(driver.fire)
+        assert "ACQ:TRIG:STAT? reads 'WAIT' where TD belongs" in error_of(driver.fire)
         driver.make_safe(fixture.clock.now() + 5.0)
         assert driver.read_safety().safe
         assert not fixture.room.trigger.high
@@ -317,14 +294,14 @@ def test_a_command_that_is_lost_never_gives_an_old_record(command: str) -> None:
     with opened(ramp, fault) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         shot(fixture, driver)
-        assert "where" in told(driver.fire)
+        assert "where" in error_of(driver.fire)
 
 
 def test_a_record_that_does_not_end_is_an_error() -> None:
     with opened(ramp, {"fault": "lost-command", "command": "ACQ:START"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        assert "ACQ:TRIG:FILL? still reads 0" in told(lambda: record(fixture, driver))
+        assert "ACQ:TRIG:FILL? still reads 0" in error_of(lambda: record(fixture, driver))
         assert fixture.clock.now() < 3.0
 
 
@@ -358,50 +335,12 @@ def test_an_interlock_can_ask_for_the_voltage_at_any_time() -> None:
         assert driver.read_quantity("voltage") == pytest.approx(0.25)
         assert len(record(fixture, driver)) == Record.of(12500, 0.2).length
         assert fixture.newest("voltage") == pytest.approx(0.25)
-        with pytest.raises(InputError, match="does not read 'current'"):
-            driver.read_quantity("current")
 
 
-@pytest.mark.parametrize(
-    ("fault", "says"),
-    [
-        ("no-reply", "no answer came within 0.5 s"),
-        ("late", "no answer came within 0.5 s"),
-        ("partial", "without the end of an answer"),
-        ("garbled", "which is no text"),
-        ("nan", "came back"),
-        ("previous-reply", "came back"),
-    ],
-)
-def test_a_fault_of_the_wire_while_fetching_is_one_clear_sentence(fault: str, says: str) -> None:
+@pytest.mark.parametrize("fault", ["no-reply", "nan"])
+def test_a_record_whose_answer_was_lost_is_still_in_the_board(fault: str) -> None:
     with opened(flat(0.2), {"fault": fault, "command": ":N?"}) as (fixture, driver):
         driver.prepare(10e3, 0.05, 1.0)
         driver.fire()
-        text = told(lambda: record(fixture, driver))
-        assert text.startswith("digitizer: ") and says in text
-        # The record is still in the board.
+        error_of(lambda: record(fixture, driver))
         assert record(fixture, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)
-
-
-def test_a_line_that_breaks_while_fetching_costs_nothing() -> None:
-    fault = {"fault": "dropped-connection", "command": ":N?"}
-    with opened(flat(0.2), fault) as (fixture, driver):
-        driver.prepare(10e3, 0.05, 1.0)
-        driver.fire()
-        assert record(fixture, driver).columns["voltage_V"] == pytest.approx(0.2, abs=LSB_V)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"os_version": "newest"}, {"channel": 3}, {"jumper": "MV"}, {"channel": "one"}]
-)
-def test_wrong_settings_are_told(wrong: dict[str, Any]) -> None:
-    with pytest.raises(InstrumentError, match="its settings are wrong"):
-        RedPitaya(Place(NAME, "TCPIP::127.0.0.1::1::SOCKET", RealClock(), wrong))
-
-
-def test_our_digitizer_conforms(tmp_path: Path) -> None:
-    text = bench_with_only(NAME, "red-pitaya-125-14", "0", {**TRUTH, "noise": "0.1 mV"})
-    (tmp_path / "board.yaml").write_text(text, encoding="utf-8")
-    done = conformance(tmp_path, "red-pitaya-125-14", f".{os.sep}board.yaml")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "test_digitizer" in done.stdout

@@ -151,16 +151,6 @@ def test_an_answer_that_is_not_alone_is_not_taken_and_is_asked_for_again(
 
 
 @pytest.mark.parametrize("kind", ["visa", "serial"])
-def test_what_may_not_be_asked_twice_is_a_fault(kind: str) -> None:
-    with line_to(Once(1, behind), kind) as (line, device, notes):
-        with pytest.raises(InstrumentError, match=r"more than one answer|more came behind"):
-            line.query("BUFFER?")
-        assert device.asked == ["BUFFER?"]
-        assert line.query("A?") == "A?"
-        assert notes[0][1]["came"].endswith("0.000\n")
-
-
-@pytest.mark.parametrize("kind", ["visa", "serial"])
 def test_what_comes_after_an_answer_puts_that_answer_in_doubt(kind: str) -> None:
     taken, sent = threading.Event(), threading.Event()
 
@@ -214,20 +204,17 @@ def test_a_command_in_doubt_is_said_again_and_must_be_answered_alike() -> None:
 
 @pytest.mark.parametrize("kind", ["visa", "serial"])
 @pytest.mark.parametrize("act", [reset, hangs_up])
-def test_a_line_that_breaks_once_costs_nothing_where_asking_does_no_harm(
+def test_a_line_that_breaks_is_an_event_and_what_may_not_be_asked_twice_is_not(
     kind: str, act: Any
 ) -> None:
-    with line_to(Once(2, act), kind) as (line, _, notes):
+    with line_to(Once(2, act), kind) as (line, device, notes):
         assert line.query("*IDN?") == IDENTITY
         assert line.query("A?") == "A?"
         assert [what for what, _ in notes] == ["line-reopened"]
-    with (
-        line_to(Once(1, act), kind) as (line, device, notes),
-        pytest.raises(InstrumentError, match="the line broke"),
-    ):
-        line.query("BUFFER?")
-    assert device.asked == ["BUFFER?"]
-    assert not notes
+    with line_to(Once(1, act), kind) as (line, device, notes):
+        with pytest.raises(InstrumentError, match="the line broke"):
+            line.query("BUFFER?")
+        assert device.asked == ["BUFFER?"] and not notes
 
 
 @pytest.mark.parametrize("kind", ["visa", "serial"])
@@ -254,22 +241,6 @@ def test_a_line_that_always_breaks_is_opened_again_twice() -> None:
             line.query("A?")
         assert device.asked == ["A?"] * 3
         assert [what for what, _ in notes] == ["line-reopened"] * 2
-
-
-@pytest.mark.parametrize("kind", ["visa", "serial"])
-def test_a_flood_is_capped_and_ends_in_one_sentence(kind: str) -> None:
-    sent = [0]
-
-    def flood(client: socket.socket, asked: str) -> None:
-        for _ in range(1600):
-            sent[0] += client.send(b"0" * 65536)
-
-    with line_to(flood, kind) as (line, _, _notes):
-        began_s = boot_seconds()
-        with pytest.raises(InstrumentError, match="more than 1048576 bytes came without the end"):
-            line.query("A?")
-        assert boot_seconds() - began_s < 5.0
-    assert sent[0] < 50_000_000
 
 
 @pytest.mark.parametrize("kind", ["visa", "serial"])

@@ -7,19 +7,16 @@ world says of the instrument is compared with what the safe state claims.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from functools import cache
 from typing import Any
 
 import pytest
-import yaml
-from plan_runs import shipped_bench
+from our_drivers import alone, bench_from, shipped
 
-from station import registry
 from station.conformance.fixture import Fixture, fixture_of
-from station.instruments.bench import read_bench
+from station.instruments.bench import Bench
 from station.safety.safe_state import SafeOutcome, make_bench_safe
 
 READY_S = 300.0
@@ -88,17 +85,20 @@ DOUBLE = [{"fault": "duplicate-reply"}, {"fault": "duplicate-reply", "delay": "1
 ONCE = [{"fault": "reset"}, {"fault": "previous-reply"}]
 
 
+@cache
+def bench_with(shipped_name: str, name: str) -> Bench:
+    return bench_from(alone(shipped(shipped_name), name))
+
+
 @contextmanager
 def energised(
-    folder: Path, case: str, *faults: dict[str, Any]
+    case: str, *faults: dict[str, Any]
 ) -> Iterator[tuple[Fixture, Any, Callable[[], bool]]]:
     """Yield the stand, the instrument in its energised state, and whether it is so in the world."""
     bench, name, procedure, energise = CASES[case]
-    data = copy.deepcopy(shipped_bench(bench))
-    data["simulation"]["faults"] = [{"instrument": name, **one} for one in faults]
-    path = folder / "bench.yaml"
-    path.write_text(yaml.safe_dump(data), encoding="utf-8")
-    with fixture_of(read_bench(path, registry.names(registry.DRIVERS)), name, procedure) as fixture:
+    with fixture_of(bench_with(bench, name), name, procedure) as fixture:
+        for fault in faults:
+            fixture.simulation.inject({"instrument": name, **fault})
         instrument = fixture.open()
         instrument.identify()
         energise(fixture, instrument)
@@ -119,8 +119,8 @@ def made_safe(fixture: Fixture, instrument: Any) -> SafeOutcome:
     return outcome
 
 
-def messages_on_the_way(folder: Path, case: str) -> int:
-    with energised(folder, case) as (fixture, instrument, is_energised):
+def messages_on_the_way(case: str) -> int:
+    with energised(case) as (fixture, instrument, is_energised):
         assert made_safe(fixture, instrument).verified
         assert not is_energised()
         return sum(direction == ">" for _, direction, _ in fixture.heard)
@@ -133,15 +133,15 @@ def some(count: int) -> list[int]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_no_line_too_many_makes_a_false_rest(case: str, tmp_path: Path) -> None:
+def test_no_line_too_many_makes_a_false_rest(case: str) -> None:
     # Frames on a serial line bear no number: one that is lost cannot be told from the one before.
     once = [one for one in ONCE if case != "F4" or one["fault"] != "previous-reply"]
     faults = [*([] if case in MODBUS else STRAY), *DOUBLE, *once]
     wrong, verified, tries = [], 0, 0
-    for number, nth in enumerate(some(messages_on_the_way(tmp_path, case))):
+    for number, nth in enumerate(some(messages_on_the_way(case))):
         # Each message is met by another fault.
         met = {**faults[number % len(faults)], "at": f"{READY_S - 1:g} s", "nth": nth}
-        with energised(tmp_path, case, met) as (fixture, instrument, is_energised):
+        with energised(case, met) as (fixture, instrument, is_energised):
             outcome = made_safe(fixture, instrument)
             tries += 1
             verified += outcome.verified
@@ -161,15 +161,15 @@ def test_no_line_too_many_makes_a_false_rest(case: str, tmp_path: Path) -> None:
     ids=lambda fault: str(fault["fault"]),
 )
 def test_a_list_is_left_at_the_next_zero_where_its_line_was_out_of_step_at_this(
-    fault: dict[str, Any], tmp_path: Path
+    fault: dict[str, Any],
 ) -> None:
-    with energised(tmp_path, "kepco list") as (fixture, instrument, _):
+    with energised("kepco list") as (fixture, instrument, _):
         made_safe(fixture, instrument)
         sent = [data for _, direction, data in fixture.heard if direction == ">"]
     leaves = 1 + next(nth for nth, data in enumerate(sent) if data.startswith(b"CURR:MODE FIX;"))
     for nth in (leaves - 1, leaves):
         met = {**fault, "at": f"{READY_S - 1:g} s", "nth": nth}
-        with energised(tmp_path, "kepco list", met) as (fixture, instrument, _):
+        with energised("kepco list", met) as (fixture, instrument, _):
             assert made_safe(fixture, instrument).verified
             coil = fixture.simulation.simulation_report()["coils"]["x"]
             assert coil["largest_slew_A_per_s"] * coil["time_constant_s"] < LARGEST_STEP_A
@@ -177,19 +177,17 @@ def test_a_list_is_left_at_the_next_zero_where_its_line_was_out_of_step_at_this(
 
 @pytest.mark.parametrize("case", [one for one in CASES if one not in MODBUS])
 @pytest.mark.parametrize("where", ["ahead", "after"])
-def test_stray_lines_without_end_never_make_a_false_rest(
-    case: str, where: str, tmp_path: Path
-) -> None:
+def test_stray_lines_without_end_never_make_a_false_rest(case: str, where: str) -> None:
     strays = {"fault": "stray-line", "where": where, "at": f"{READY_S - 1:g} s", "for": "100 h"}
-    with energised(tmp_path, case, strays) as (fixture, instrument, is_energised):
+    with energised(case, strays) as (fixture, instrument, is_energised):
         outcome = made_safe(fixture, instrument)
         assert not (outcome.verified and is_energised()), outcome
 
 
 @pytest.mark.parametrize("case", [one for one in CASES if one not in MODBUS])
-def test_a_device_that_is_one_reply_behind_is_never_verified(case: str, tmp_path: Path) -> None:
+def test_a_device_that_is_one_reply_behind_is_never_verified(case: str) -> None:
     behind = {"fault": "previous-reply", "at": f"{READY_S - 1:g} s", "for": "100 h"}
-    with energised(tmp_path, case, behind) as (fixture, instrument, is_energised):
+    with energised(case, behind) as (fixture, instrument, is_energised):
         outcome = made_safe(fixture, instrument)
         assert not outcome.verified
         # The shutter's one command toggles it: nobody may send that to a device not understood.
@@ -199,10 +197,10 @@ def test_a_device_that_is_one_reply_behind_is_never_verified(case: str, tmp_path
 @pytest.mark.parametrize("fault", ["chatter", "flood"])
 @pytest.mark.parametrize("case", ["kepco list", "33522B", "ACUTROL3000", "F4T"])
 def test_a_device_that_never_stops_talking_is_switched_off_without_an_answer(
-    case: str, fault: str, tmp_path: Path
+    case: str, fault: str
 ) -> None:
     talks = {"fault": fault, "at": f"{READY_S - 1:g} s", "for": "100 h"}
-    with energised(tmp_path, case, talks) as (fixture, instrument, is_energised):
+    with energised(case, talks) as (fixture, instrument, is_energised):
         outcome = made_safe(fixture, instrument)
         assert not (outcome.verified and is_energised()), outcome
         fixture.clock.sleep(30.0)  # a table brakes

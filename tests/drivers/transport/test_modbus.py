@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
+from fixture import error_of
 from places import ROOT
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
@@ -17,7 +18,6 @@ from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer
-from station.errors import InstrumentError, InstrumentTimeout
 from station.instruments.opening import Place
 
 SETTINGS = ModbusSettings(baud_rate=19200)
@@ -33,12 +33,6 @@ def line(
         opened = ModbusLine(fixture.place(), SETTINGS, repeatable)
         yield fixture, opened
         opened.close()
-
-
-def told(act: Callable[[], object], kind: type[Exception] = InstrumentError) -> str:
-    with pytest.raises(kind) as raised:
-        act()
-    return str(raised.value)
 
 
 # The simulated devices, by a raw client.
@@ -180,46 +174,6 @@ def test_an_exception_is_told_in_words_and_leaves_the_line_open(
         modbus.close()
 
 
-WIRE_FAULTS = {
-    ("f4t", "no-reply"): "no answer came within 0.5 s",
-    ("f4", "no-reply"): "no answer came within 0.5 s",
-    ("f4t", "late"): "no answer came within 0.5 s",
-    ("f4", "late"): "no answer came within 0.5 s",
-    ("f4t", "lost-command"): "no answer came within 0.5 s",
-    ("f4", "lost-command"): "no answer came within 0.5 s",
-    ("f4t", "partial"): "which is no whole answer, within 0.5 s",
-    ("f4", "partial"): "which is no whole answer, within 0.5 s",
-    ("f4t", "dropped-connection"): "the line broke",
-    ("f4", "dropped-connection"): "the line broke",
-    ("f4t", "previous-reply"): "the answer is to another request",
-    ("f4", "wrong-crc"): "the answer has a wrong check sum",
-    ("f4", "garbled"): "",
-}
-
-
-@pytest.mark.parametrize(("model", "kind"), WIRE_FAULTS)
-def test_a_fault_on_the_wire_is_told_and_the_next_exchange_is_right(model: str, kind: str) -> None:
-    address, count = PROCESS[model]
-    fault = {"fault": kind, "command": f"read {address}", "nth": 2}
-    with line(model, fault) as (fixture, modbus):
-        before = modbus.read(address, count)
-        text = told(lambda: modbus.read(address, count))
-        assert f"{NAME}: read register {address}: " in text
-        assert WIRE_FAULTS[model, kind] in text
-        assert "; check" in text
-        fixture.clock.sleep(3.0)  # a late answer comes meanwhile, and is nobody's
-        assert modbus.read(2730 if model == "f4t" else 606) == [62 if model == "f4t" else 1]
-        after = modbus.read(address, count)
-        assert after != before or model == "f4"
-
-
-def test_an_exchange_never_takes_longer_than_half_a_second() -> None:
-    with line("f4t", {"fault": "no-reply"}) as (fixture, modbus):
-        began_s = fixture.clock.now()
-        told(lambda: modbus.read(2730), InstrumentTimeout)
-        assert fixture.clock.now() - began_s == pytest.approx(0.5)
-
-
 def test_frames_on_a_serial_line_are_kept_apart_by_silence() -> None:
     with line("f4") as (fixture, modbus):
         modbus.read(100)
@@ -233,7 +187,7 @@ def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
     with line("f4t", fault, repeatable=Repeatable(r"(read|write) \d+")) as (_, modbus):
         modbus.patient.write(2730, [62])
     with line("f4t") as (_, modbus):
-        told(lambda: modbus.patient.read(9999))
+        error_of(lambda: modbus.patient.read(9999))
 
 
 @pytest.mark.parametrize(
@@ -252,7 +206,7 @@ def test_an_answer_to_nothing_that_was_asked_is_none(answer: bytes, says: str) -
     with clock.participant("test"), FaultyServer(clock, lambda data: answer) as server:
         place = Place(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, SETTINGS)
-        assert says in told(lambda: modbus.read(100))
+        assert says in error_of(lambda: modbus.read(100))
         modbus.close()
     clock.stop()
 
@@ -278,7 +232,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
         assert len(asked) == 2
         asked.clear()
         modbus_once = ModbusLine(place, SETTINGS)
-        assert "more than one answer came" in told(lambda: modbus_once.read(107))
+        assert "more than one answer came" in error_of(lambda: modbus_once.read(107))
         modbus_once.close()
         modbus.close()
     clock.stop()
@@ -294,9 +248,9 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
         ("/dev/none", "this computer has no serial port /dev/none"),
     ],
 )
-def test_an_address_where_nobody_is_is_told(address: str, why: str) -> None:
+def test_an_address_where_nobody_is_is_reported(address: str, why: str) -> None:
     place = Place(NAME, address, RealClock(), {}, {})
-    text = told(lambda: ModbusLine(place, SETTINGS))
+    text = error_of(lambda: ModbusLine(place, SETTINGS))
     assert f"{NAME}: open {address}: {why}" in text
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from wires import HANG_UP, NO_ERROR, KepcoWire, Wire, gaussmeter, supply
 
 from drivers.generic.can_pulse_board import CanPulseBoard
 from drivers.generic.interlock_chain import InterlockChainLine
@@ -79,34 +78,3 @@ def test_what_is_no_fault_of_an_instrument_is_not_tried_again() -> None:
     with pytest.raises(KeyboardInterrupt):
         repeated(Repeatable("again"), "again", exchange)
     assert len(said) == 1
-
-
-def test_two_bad_answers_are_borne_by_whoever_watches_and_not_by_a_step() -> None:
-    with Wire((b"nan\n",), (HANG_UP,), (b"1.5\n",), (b"nan\n",)) as wire:
-        instrument = supply(wire)
-        assert instrument.read_quantity("current") == 1.5
-        with pytest.raises(InstrumentError):
-            instrument.current_A()
-        instrument.close()
-    assert len(wire.requests) == 4
-
-
-def test_the_way_to_rest_bears_a_bad_answer_to_any_of_its_messages() -> None:
-    # Clear errors, register, current, set-point twice, zero, current, output off: each lost once.
-    answers = [NO_ERROR, b"0\n", *[b"0.0\n"] * 3, NO_ERROR, b"0.0\n", NO_ERROR]
-    acts = [act for answer in answers for act in ((HANG_UP,), (answer,))]
-    with KepcoWire(*acts) as wire:
-        instrument = supply(wire)
-        instrument.make_safe(instrument.place.clock.now() + 5.0)
-        instrument.close()
-    assert len(wire.requests) == 2 * len(answers)
-    assert wire.requests[-1] == b"OUTP OFF;:SYST:ERR?\n"
-
-
-def test_a_buffer_that_was_lost_is_not_read_again() -> None:
-    with Wire((HANG_UP,), (b'""\r\n',)) as wire:
-        instrument = gaussmeter(wire)
-        with pytest.raises(InstrumentError):
-            instrument.drain()
-        assert wire.requests == [b"FETC:BUFF:DC?\n"]
-        instrument.close()

@@ -1,4 +1,4 @@
-"""Instruments without a line of their own, on the bench of second models, which needs them."""
+"""The bench of second models, and instruments there that have no line of their own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import yaml
 from campaigns.truths import fog_curve_ppm
 from fog_runs import short_run
 from interlock_helpers import CHAIN, bench_from, bench_with, watched
-from plan_runs import shipped_bench
+from plan_runs import run_of, shipped_bench, shipped_plan
 
 from drivers.generic.interlock_chain import SharedInterlockChain
 from station.clock import RealClock
@@ -48,6 +48,27 @@ def test_second_models_recover_the_true_scale_factor(tmp_path: Path) -> None:
     opened = RunFolder(outcome.folder).events_of("identified")
     used = {"thermal_chamber", "turntable", "navigator", "dut_power", CHAIN}
     assert {one.details["instrument"] for one in opened} == used
+
+
+def test_the_same_plan_runs_on_both_benches_and_recovers_the_truth(tmp_path: Path) -> None:
+    plan, bench = shipped_plan("rlg-magnetic-sensitivity"), shipped_bench("sim-alternate")
+    plan["parameters"] |= {
+        "duration": "200 s",
+        "warm_up": {"slope_limit": "10 deg/h^2", "window": "1 min", "at_most": "5 min"},
+    }
+    outcome = run_of(tmp_path, plan, bench)
+    assert outcome.exit_code == 0, outcome.error
+    assert outcome.document is not None
+    truth = bench["simulation"]["gyro"]["magnetic_sensitivity"]
+    for result in outcome.document.to_data()["results"]:
+        true = float(truth[result["axis"]].split()[0])
+        assert abs(result["value"] - true) < 3 * result["standard_uncertainty"]
+        (unseen,) = [one for one in result["budget"] if "does not see" in one["description"]]
+        assert 0.0 < unseen["contribution"] < 0.1 * result["standard_uncertainty"]
+        seen = [axis for axis, part in result["coil_field"].items() if part is not None]
+        assert seen == [result["axis"]]
+    asked = [one.details["id"] for one in RunFolder(outcome.folder).events_of("prompt")]
+    assert [one for one in asked if "probe" in one] == [f"turn-probe-{axis}" for axis in "xyz"]
 
 
 @pytest.mark.parametrize(

@@ -3,33 +3,41 @@
 from __future__ import annotations
 
 import re
-import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-import yaml
-from conformance_runs import conformance
+from conformance_runs import conformance, conformance_of_its_own
+from our_drivers import CASES, alone, as_text, bench_data, driver_of, name_of, world_of
+from plan_runs import shipped_bench
+from quick_yaml import dump_yaml
 
-from station.files.lookup import BENCHES, find
+import station.conformance
+from station import registry
+from station.roles.role import role_of
 
-OURS = (
-    "kepco-bop-36-12",
-    "lakeshore-f71",
-    "can-pulse-board",
-    "interlock-chain-line",
-    "keysight-33522b",
-    "operator-power",
-)
-SECOND = ("kepco-bop-1kw", "lakeshore-425", "serial-pulse-board", "interlock-chain-shared")
-ACCELEROMETER = "accelerometer-magnetic-sensitivity"
+ASKED = {path.stem for path in Path(station.conformance.__path__[0]).glob("test_*.py")}
 
-BROKEN_SUPPLY = """
+BROKEN_DRIVERS = """
+from drivers.generic.can_pulse_board import CanPulseBoard
 from drivers.kepco.bop import KepcoBop
-from station.roles import SafetyReading
+from station.roles import Block, SafetyReading
 
 
-class {name}(KepcoBop):
-{body}
+class Losing(CanPulseBoard):
+    def drain(self):
+        block = super().drain()
+        kept = {name: values[1:] for name, values in block.columns.items()}
+        return Block(kept, block.arrival_time_s[1:])
+
+    def stop(self):
+        pass
+
+
+class Mute(KepcoBop):
+    start_sine = None
 """
 
 BROKEN_SUPPLIES = {
@@ -86,110 +94,112 @@ BROKEN_SUPPLIES = {
     ),
 }
 
-LOSING_BOARD = """
-from drivers.generic.can_pulse_board import CanPulseBoard
-from station.roles import Block
+
+def forget_packages() -> None:
+    for known in (registry.offers, registry.names, registry.load):
+        known.cache_clear()
 
 
-class Losing(CanPulseBoard):
-    def drain(self):
-        block = super().drain()
-        kept = {name: values[1:] for name, values in block.columns.items()}
-        return Block(kept, block.arrival_time_s[1:])
-
-    def stop(self):
-        pass
-"""
-
-
-def failed(done: subprocess.CompletedProcess[str]) -> set[str]:
-    return set(re.findall(r"^FAILED \S+::(\w+)", done.stdout, re.MULTILINE))
-
-
-def lab_package(folder: Path, code: str, name: str, replaced: str) -> str:
-    """Lay out a laboratory's package with one driver, and a bench that uses it; return the bench.
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Install a laboratory's package of broken drivers, each on a bench of its own.
 
     A folder of metadata beside the package is all that an installation is.
     """
-    (folder / "lab").mkdir()
-    (folder / "lab" / "__init__.py").write_text(code, encoding="utf-8")
+    folder = tmp_path_factory.mktemp("laboratory")
+    supplies = {name: f"Broken{n}" for n, name in enumerate(BROKEN_SUPPLIES)}
+    code = BROKEN_DRIVERS + "".join(
+        f"\n\nclass {supplies[name]}(KepcoBop):\n{body}"
+        for name, (body, _) in BROKEN_SUPPLIES.items()
+    )
+    (folder / "lab_of_broken_drivers.py").write_text(code, encoding="utf-8")
     metadata = folder / "lab-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Name: lab\nVersion: 1.0\n", encoding="utf-8")
-    simulators = {
-        "kepco-bop-36-12": "sim_instruments.kepco.bop:KepcoBop",
-        "can-pulse-board": "sim_instruments.generic.can_pulse_board:CanPulseBoard",
-    }
-    (metadata / "entry_points.txt").write_text(
-        f"[station.drivers]\nlab-driver = lab:{name}\n\n"
-        f"[station.simulators]\nlab-driver = {simulators[replaced]}\n",
-        encoding="utf-8",
+    places = dict.fromkeys(
+        (*supplies.values(), "Mute"), ("coil_supply.x", "sim_instruments.kepco.bop:KepcoBop")
     )
-    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
-    for instrument in bench["instruments"].values():
-        if instrument["driver"] == replaced:
-            instrument["driver"] = "lab-driver"
-    (folder / "lab.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
-    return "lab.yaml"
+    places["Losing"] = (
+        "gyro_acquisition",
+        "sim_instruments.generic.can_pulse_board:CanPulseBoard",
+    )
+    drivers = "".join(f"{name} = lab_of_broken_drivers:{name}\n" for name in places)
+    simulators = "".join(f"{name} = {simulator}\n" for name, (_, simulator) in places.items())
+    (metadata / "entry_points.txt").write_text(
+        f"[station.drivers]\n{drivers}\n[station.simulators]\n{simulators}", encoding="utf-8"
+    )
+    for name, (instrument, _) in places.items():
+        bench = alone(shipped_bench(), instrument)
+        bench["instruments"][instrument]["driver"] = name
+        (folder / f"{name}.yaml").write_text(dump_yaml(bench), encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        forget_packages()
+        yield folder
+    forget_packages()
+    sys.modules.pop("lab_of_broken_drivers", None)
 
 
-@pytest.mark.parametrize("driver", OURS)
-def test_our_driver_conforms(driver: str, tmp_path: Path) -> None:
-    done = conformance(tmp_path, driver)
-    assert done.returncode == 0, done.stdout
-    assert " passed" in done.stdout
-
-
-@pytest.mark.parametrize("driver", SECOND)
-def test_our_second_driver_conforms(driver: str, tmp_path: Path) -> None:
-    done = conformance(tmp_path, driver, "sim-alternate")
-    assert done.returncode == 0, done.stdout
-
-
-@pytest.mark.parametrize("driver", ["keysight-34465a", "keysight-34465a-pt100"])
-def test_our_meter_conforms_at_the_accelerometer(driver: str, tmp_path: Path) -> None:
-    done = conformance(tmp_path, driver, "sim", "--station-procedure", ACCELEROMETER)
-    assert done.returncode == 0, done.stdout
-    assert "test_multimeter" in done.stdout
+@pytest.mark.parametrize("case", CASES)
+def test_our_driver_conforms(case: str, tmp_path: Path) -> None:
+    name, driver = name_of(case), driver_of(case)
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(as_text(bench_data(case)), encoding="utf-8")
+    where = ("--station-instrument", name, "--station-procedure", world_of(case))
+    done = conformance(driver, bench, *where)
+    assert done.exit_code == 0, "\n".join(done.failed.values())
+    claims = {"make_safe": "test_safety", "drain": "test_sampled_source"}
+    owed = {f"test_{role_of(name)}"} & ASKED
+    owed |= {
+        module
+        for verb, module in claims.items()
+        if hasattr(registry.load(registry.DRIVERS, driver), verb)
+    }
+    assert done.passed and done.modules >= {"test_line", *owed}
 
 
 @pytest.mark.parametrize("fault", BROKEN_SUPPLIES)
-def test_a_broken_supply_fails_where_it_is_broken(fault: str, tmp_path: Path) -> None:
-    body, expected = BROKEN_SUPPLIES[fault]
-    code = BROKEN_SUPPLY.format(name="Broken", body=body)
-    bench = lab_package(tmp_path, code, "Broken", "kepco-bop-36-12")
-    done = conformance(tmp_path, "lab-driver", bench, "-k", " or ".join(sorted(expected)))
+def test_a_broken_supply_fails_where_it_is_broken(fault: str, laboratory: Path) -> None:
+    name = f"Broken{list(BROKEN_SUPPLIES).index(fault)}"
+    _, expected = BROKEN_SUPPLIES[fault]
+    done = conformance(name, laboratory / f"{name}.yaml", "-k", " or ".join(sorted(expected)))
+    assert done.exit_code == pytest.ExitCode.TESTS_FAILED
+    assert expected <= set(done.failed)
+
+
+def test_a_board_that_loses_samples_and_never_stops_fails(laboratory: Path) -> None:
+    done = conformance("Losing", laboratory / "Losing.yaml", "-k", "sampled_source")
+    assert done.exit_code == pytest.ExitCode.TESTS_FAILED
+    assert set(done.failed) == {"test_nothing_is_lost_in_a_minute", "test_it_is_quiet_once_stopped"}
+
+
+def test_a_laboratory_runs_them_on_a_driver_of_its_own_package(laboratory: Path) -> None:
+    """In a process of their own, as the documentation shows it."""
+    wanted = "limits_go_into or beyond_the_rating or closing_twice"
+    n = list(BROKEN_SUPPLIES).index("programmes no limit")
+    done = conformance_of_its_own(laboratory, f"Broken{n}", f"Broken{n}.yaml", "-k", wanted)
     assert done.returncode == 1, done.stdout + done.stderr
-    assert expected <= failed(done), done.stdout
-
-
-def test_a_supply_that_lacks_a_verb_is_refused_by_name(tmp_path: Path) -> None:
-    code = BROKEN_SUPPLY.format(name="Broken", body="    start_sine = None\n")
-    bench = lab_package(tmp_path, code, "Broken", "kepco-bop-36-12")
-    done = conformance(tmp_path, "lab-driver", bench)
-    assert done.returncode == 4
-    said = "the driver 'lab-driver' cannot be a coil_supply; start_sine() is missing"
-    assert said in done.stdout + done.stderr
-
-
-def test_a_board_that_loses_samples_and_never_stops_fails(tmp_path: Path) -> None:
-    bench = lab_package(tmp_path, LOSING_BOARD, "Losing", "can-pulse-board")
-    done = conformance(tmp_path, "lab-driver", bench, "-k", "sampled_source")
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert failed(done) == {"test_nothing_is_lost_in_a_minute", "test_it_is_quiet_once_stopped"}
+    failed = set(re.findall(r"^FAILED \S+::(\w+)", done.stdout, re.MULTILINE))
+    assert failed == {
+        "test_the_limits_go_into_the_instrument",
+        "test_a_limit_beyond_the_rating_is_refused",
+    }
+    assert "1 passed" in done.stdout
 
 
 def test_on_a_real_bench_nothing_is_energised_unless_it_is_asked_for(tmp_path: Path) -> None:
-    bench = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    bench = shipped_bench()
     del bench["simulation"]
     for instrument in bench["instruments"].values():
         instrument.pop("simulator", None)
-    (tmp_path / "real.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
-    done = conformance(tmp_path, "operator-power", "real.yaml", "-rs")
-    assert done.returncode == 0, done.stdout
-    assert "give --station-energise to allow it" in done.stdout
-    done = conformance(tmp_path, "operator-power", "real.yaml", "-rs", "--station-energise")
-    assert "give --station-energise" not in done.stdout
+    path = tmp_path / "real.yaml"
+    path.write_text(dump_yaml(bench), encoding="utf-8")
+    done = conformance("operator-power", path)
+    assert done.exit_code == 0
+    left_out = {name for name, why in done.skipped.items() if "give --station-energise" in why}
+    assert left_out
+    done = conformance("operator-power", path, "--station-energise")
+    assert done.exit_code == 0 and left_out <= done.passed
 
 
 @pytest.mark.parametrize(
@@ -198,15 +208,19 @@ def test_on_a_real_bench_nothing_is_energised_unless_it_is_asked_for(tmp_path: P
         ("kepko", "sim", "no driver is called 'kepko'; --station-driver takes one of"),
         ("lakeshore-f71", "sym", "did you mean"),
         ("lakeshore-f71", "none.yaml", "has no instrument"),
+        ("Mute", "Mute.yaml", "the driver 'Mute' cannot be a coil_supply; start_sine() is missing"),
     ],
 )
-def test_a_wrong_name_is_told_before_any_test(
-    driver: str, bench: str, says: str, tmp_path: Path
+def test_a_wrong_name_or_a_missing_verb_is_reported_before_any_test(
+    driver: str, bench: str, says: str, laboratory: Path, capfd: Any
 ) -> None:
-    data = yaml.safe_load(find(BENCHES, "sim").read_text(encoding="utf-8"))
+    data = shipped_bench()
     del data["instruments"]["gaussmeter"]
-    (tmp_path / "none.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
-    done = conformance(tmp_path, driver, bench)
-    assert done.returncode == pytest.ExitCode.USAGE_ERROR
-    assert says in done.stderr
-    assert "Traceback" not in done.stderr
+    (laboratory / "none.yaml").write_text(dump_yaml(data), encoding="utf-8")
+    path = laboratory / bench
+    done = conformance(driver, path if path.is_file() else bench)
+    assert done.exit_code == pytest.ExitCode.USAGE_ERROR
+    assert not done.modules
+    stated = capfd.readouterr().err
+    assert says in stated
+    assert "Traceback" not in stated
