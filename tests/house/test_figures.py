@@ -5,8 +5,8 @@ A comment before a table or a paragraph names them, and no reader sees it:
     <!-- figures: rlg_estimator: bound best_rmse_over_bound standard_error coverage_95% -->
 
 names the file in `benchmarks/figures`, and of each case, which is a row of the table, the values in
-the order in which they stand behind the row's first cell; `%` shows a share in per cent, `k` in
-thousandths of the unit. Of some cases only, or in front of a paragraph, the cases are named:
+the order in which they stand behind the row's first cell; `%` shows a share in per cent, and `~`
+stands for a blank in a name. Of some cases only, or in front of a paragraph, the cases are named:
 
     <!-- figures: run_time "serf-nonorthogonality": bench_s processor_s -->
 """
@@ -32,7 +32,6 @@ HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 MARKER = re.compile(r'<!--\s*figures:\s*(\w+)((?:\s+"[^"]+")*)\s*:([^>]*?)-->\n+')
 NUMBER = re.compile(r"(?<![\w.,])[-−+]?\d+(?:,\d{3})*(?:\.\d+)?(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?")
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-SHOWN_AS = {"%": 100.0, "k": 1000.0, "": 1.0}
 NOT_YET_STORED: dict[str, dict[str, str]] = {
     "docs/decisions/0001-one-participant-at-a-time.md": {
         "1. Virtual time runs one participant at a time": "run_time.py --plan PLAN --own-threads"
@@ -47,6 +46,7 @@ NOT_YET_STORED: dict[str, dict[str, str]] = {
     "docs/how-to/first-day-on-hardware.md": {
         "What is verified and what is not": "commissioning.py"
     },
+    "docs/how-to/run-the-tests.md": {"What the tests are worth": "suite.py"},
     "docs/procedures/accelerometer-magnetic-sensitivity.md": {
         "Planted faults": "sabotage.py --procedure accelerometer-magnetic-sensitivity",
         "An encoder that is off": "accelerometer_encoder.py",
@@ -123,8 +123,8 @@ class Figures:
     def _of(self, line: dict[str, Any]) -> list[float]:
         shown = []
         for name in self.names:
-            key, mark = re.fullmatch(r"(.+?)([%k]?)", name).groups()  # type: ignore[union-attr]
-            shown.append(float(line[key.replace("~", " ")]) * SHOWN_AS[mark])
+            value = float(line[name.removesuffix("%").replace("~", " ")])
+            shown.append(100.0 * value if name.endswith("%") else value)
         return shown
 
 
