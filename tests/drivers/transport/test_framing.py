@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 
 import pytest
 from hypothesis import given
@@ -52,6 +53,8 @@ class Protocol:
     split: Splitter
     messages: st.SearchStrategy[tuple[Message, bytes]]
     never_first: bytes
+    size_of: Callable[[Message], int | None]
+    """The bytes that a message takes; None where that depends on how it ends."""
 
     @property
     def noise(self) -> st.SearchStrategy[bytes]:
@@ -61,10 +64,16 @@ class Protocol:
 
 PROTOCOLS = {
     "pulse-board": Protocol(
-        serial_pulse_board.split, frames_of(serial_pulse_board), bytes(serial_pulse_board.PAYLOADS)
+        serial_pulse_board.split,
+        frames_of(serial_pulse_board),
+        bytes(serial_pulse_board.PAYLOADS),
+        lambda message: len(serial_pulse_board.frame(*message)),
     ),
     "navigator": Protocol(
-        serial_navigator.split, frames_of(serial_navigator), serial_navigator.SYNC
+        serial_navigator.split,
+        frames_of(serial_navigator),
+        serial_navigator.SYNC,
+        lambda message: len(serial_navigator.frame(*message)),
     ),
     "kvh-1775": Protocol(
         kvh.split,
@@ -72,51 +81,55 @@ PROTOCOLS = {
         | st.binary(min_size=6, max_size=6).map(kvh_self_test)
         | st.from_regex(r"[A-Z0-9][ -~]{1,40}", fullmatch=True).map(kvh_line),
         kvh.MARK + bytes(range(0x20, 0x7F)),
+        lambda message: {kvh.OUTPUT: 38, kvh.SELF_TEST: 11}.get(message[0]),
     ),
 }
 every_protocol = pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS.keys())
 
 
-def split_in_pieces(split: Splitter, stream: bytes, sizes: Sequence[int]) -> Split:
-    """Return what is found in a stream that comes in pieces, the last of them all that is left."""
+def split_in_pieces(split: Splitter, parts: Sequence[bytes], draw: st.DrawFn) -> Split:
+    """Return what is found in a stream that is cut anywhere, and often where a part of it ends."""
+    stream = b"".join(parts)
+    cuts = draw(st.lists(st.integers(0, len(stream)), max_size=9))
+    cuts += [end for end in accumulate(map(len, parts)) if draw(st.booleans())]
     frames: list[Message] = []
-    pending, skipped, position = b"", 0, 0
-    for size in (*sizes, len(stream)):
-        found = split(pending + stream[position : position + size])
+    pending, skipped = b"", 0
+    for begin, end in pairwise([0, *sorted(cuts), len(stream)]):
+        found = split(pending + stream[begin:end])
         frames, pending, skipped = frames + found.frames, found.rest, skipped + found.skipped
-        position += size
     return Split(frames, pending, skipped)
 
 
-PIECES = st.lists(st.integers(0, 60), max_size=40)
-
-
 @every_protocol
-@given(drawn=st.data(), sizes=PIECES)
+@given(drawn=st.data())
 def test_no_message_is_lost_or_doubled_among_bytes_of_none(
-    protocol: Protocol, drawn: st.DataObject, sizes: list[int]
+    protocol: Protocol, drawn: st.DataObject
 ) -> None:
     sent = drawn.draw(st.lists(st.tuples(protocol.noise, protocol.messages), max_size=8))
-    stream = b"".join(noise + data for noise, (_, data) in sent)
-    found = split_in_pieces(protocol.split, stream, sizes)
+    parts = [part for noise, (_, data) in sent for part in (noise, data)]
+    found = split_in_pieces(protocol.split, parts, drawn.draw)
     assert found.frames == [message for _, (message, _) in sent]
     assert found.skipped == sum(len(noise) for noise, _ in sent) and not found.rest
 
 
 @every_protocol
-@given(drawn=st.data(), sizes=PIECES)
+@given(drawn=st.data())
 def test_any_bytes_hold_the_same_messages_in_one_piece_and_in_many(
-    protocol: Protocol, drawn: st.DataObject, sizes: list[int]
+    protocol: Protocol, drawn: st.DataObject
 ) -> None:
-    beginnings = protocol.messages.flatmap(
-        lambda sent: st.integers(0, len(sent[1])).map(lambda size: sent[1][:size])
+    """What begins like a message and is none keeps nothing back, and each byte counts once."""
+    beginnings = st.tuples(protocol.messages, st.integers(1, 12)).map(
+        lambda begun: begun[0][1][: begun[1]]
     )
-    anything = st.one_of(
-        protocol.messages.map(lambda sent: sent[1]), beginnings, st.binary(max_size=9)
-    )
-    stream = b"".join(drawn.draw(st.lists(anything, max_size=8))) + LONGER_THAN_A_FRAME
-    at_once = protocol.split(stream)
-    assert split_in_pieces(protocol.split, stream, sizes) == at_once
+    whole = protocol.messages.map(lambda sent: sent[1])
+    parts = drawn.draw(st.lists(whole | beginnings | st.binary(max_size=9), max_size=8))
+    parts.append(LONGER_THAN_A_FRAME)
+    at_once = protocol.split(b"".join(parts))
+    assert split_in_pieces(protocol.split, parts, drawn.draw) == at_once
+    sizes = [protocol.size_of(message) for message in at_once.frames]
+    if None not in sizes:
+        used = sum(size for size in sizes if size)
+        assert used + at_once.skipped + len(at_once.rest) == sum(map(len, parts))
 
 
 @pytest.mark.parametrize("name", ["pulse-board", "navigator"])
