@@ -52,7 +52,6 @@ NOT_YET_STORED: dict[str, dict[str, str]] = {
         "An encoder that is off": "accelerometer_encoder.py",
         "How good it is": "accelerometer_estimator.py --runs 2000",
     },
-    "docs/procedures/accelerometer-tumble.md": {"How good it is": "tumble_estimator.py --runs 200"},
     "docs/procedures/fog-scale-factor-temperature.md": {
         "What the data cannot show": "sabotage.py --procedure fog-scale-factor-temperature",
         "A run": "fog_kills.py --kills 10 --seeds 1 2 3 4 5 6",
