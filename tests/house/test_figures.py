@@ -60,7 +60,6 @@ NOT_YET_STORED: dict[str, dict[str, str]] = {
     "docs/procedures/gyro-bias-temperature.md": {
         "How good it is": "bias_temperature_estimator.py --runs 60"
     },
-    "docs/procedures/gyro-rate-table.md": {"What it is worth": "gyro_rate_estimator.py --runs 200"},
     "docs/procedures/gyro-static-noise.md": {
         "What it is worth": "gyro_static_estimator.py --runs 2000"
     },
