@@ -79,7 +79,6 @@ def measure(case: Case, runs: int) -> dict[str, object]:
                 silent += error_u > WRONG_U and not said
                 only_drift += error_u > WRONG_U and said == {"drift-removed"}
     return {
-        "plan": case.name,
         "tried": tried,
         "wrong": int(wrong),
         "without_a_flag": int(silent),

@@ -213,7 +213,6 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         for k, name in enumerate(kept)
     }
     return {
-        "case": case.name,
         "rows": len(case.points()[0]),
         "runs": runs,
         "largest_ratio_less_two_standard_errors": round(float(np.max(ratio - 2.0 * error)), 3),

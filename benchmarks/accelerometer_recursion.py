@@ -4,19 +4,20 @@
 
 Walks a record of the published plan, again and again, through the finite memory and holds it
 against the QR solution of the same window at 50 places, each just before a window is solved anew.
-One JSON object on standard output: for two window lengths the largest relative difference of a
-coefficient and the processor time of a row in the first and in the last tenth of the record.
+One JSON object for each of two window lengths: the largest relative difference of a coefficient and
+the processor time of a row in the first and in the last tenth of the record.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from figures import Figures
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -28,15 +29,14 @@ from procedures.accelerometer_magnetic_sensitivity.finite_memory import FiniteMe
 from procedures.accelerometer_magnetic_sensitivity.model import judge
 
 
-def recursion(samples: int) -> dict[str, object]:
-    """Walk a long record through the finite memory; compare with QR at 50 places."""
+def recursion(samples: int) -> Iterator[tuple[int, dict[str, object]]]:
+    """Walk a long record through finite memories; compare with QR at 50 places."""
     case = Case("long")
     kept = judge(*case.points()).kept
     table = columns(case)
     cycle = np.column_stack([table[name] for name in kept])
     truth = np.array([TRUTH[name] for name in kept])
     generator = np.random.default_rng(0)
-    result: dict[str, object] = {"samples": samples}
     for window in (len(cycle), 8 * len(cycle)):
         memory = FiniteMemory(column_scale(cycle), window)
         recent = np.zeros(window)
@@ -61,20 +61,25 @@ def recursion(samples: int) -> dict[str, object]:
                 worst = max(worst, float(np.max(np.abs(memory.estimate / exact - 1.0))))
             if n % tenth == tenth - 1:
                 seconds.append(time.process_time() - start)
-        result[f"window {window}"] = {
-            "largest_relative_difference": float(f"{worst:.2g}"),
-            "first_tenth_us_a_sample": round(1e6 * seconds[0] / tenth, 1),
-            "last_tenth_us_a_sample": round(1e6 * seconds[-1] / tenth, 1),
-            "windows_lost": memory.lost,
-            "solved_anew": memory.resolved,
-        }
-    return result
+        yield (
+            window,
+            {
+                "samples": samples,
+                "largest_relative_difference": float(f"{worst:.2g}"),
+                "first_tenth_us_a_sample": round(1e6 * seconds[0] / tenth, 1),
+                "last_tenth_us_a_sample": round(1e6 * seconds[-1] / tenth, 1),
+                "windows_lost": memory.lost,
+                "solved_anew": memory.resolved,
+            },
+        )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="The finite-memory recursion on a long record.")
     parser.add_argument("--samples", type=int, default=1_000_000)
-    print(json.dumps(recursion(parser.parse_args().samples)), flush=True)
+    figures = Figures(parser)
+    for window, found in recursion(figures.parse().samples):
+        figures.line(f"window of {window} rows", **found)
 
 
 if __name__ == "__main__":

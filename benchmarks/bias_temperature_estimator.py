@@ -2,18 +2,18 @@
 
 python benchmarks/bias_temperature_estimator.py [--runs 300] [--case fibre-optic]
 
-Records are made in the time domain, the analysis is the station's own. One JSON line a case and
-result: rmse, the median u, their ratio, and how often the 95 % interval holds the true value.
+Records are made in the time domain, the analysis is the station's own. One JSON line a result with
+the figures of each case: rmse over u, and how often the 95 % interval holds the true value.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
 import numpy as np
+from figures import Figures
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
@@ -26,7 +26,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=300)
     parser.add_argument("--case", choices=CASES, action="append")
-    given = parser.parse_args()
+    figures = Figures(parser)
+    given = figures.parse()
+    lines: dict[str, dict[str, float]] = {}
     for case in given.case or CASES:
         collected: dict[str, list[tuple[float, float]]] = {}
         for seed in range(given.runs):
@@ -34,17 +36,13 @@ def main() -> None:
                 collected.setdefault(name, []).append(pair)
         for name, pairs in collected.items():
             error, u = np.array(pairs).T
-            line = {
-                "benchmark": "bias_temperature_estimator",
-                "case": case,
-                "result": name,
-                "runs": len(error),
-                "rmse": float(np.sqrt(np.mean(error**2))),
-                "u": float(np.median(u)),
-                "rmse_over_u": round(float(np.sqrt(np.mean((error / u) ** 2))), 2),
-                "covered": round(float(np.mean(np.abs(error) <= COVERAGE_FACTOR * u)), 3),
-            }
-            print(json.dumps(line), flush=True)
+            covered = float(np.mean(np.abs(error) <= COVERAGE_FACTOR * u))
+            lines.setdefault(name, {})[f"{case} over u"] = round(
+                float(np.sqrt(np.mean((error / u) ** 2))), 4
+            )
+            lines[name][f"{case} covered"] = round(covered, 4)
+    for name, line in lines.items():
+        figures.line(name, runs=given.runs, **line)
 
 
 if __name__ == "__main__":

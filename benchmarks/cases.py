@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Iterable
 from typing import Protocol, TypeVar
+
+from figures import Figures
 
 
 class Named(Protocol):
@@ -27,7 +28,8 @@ def print_cases(
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--runs", type=int, default=runs)
     parser.add_argument("--case", help="only the cases whose name contains this")
-    options = parser.parse_args()
+    figures = Figures(parser)
+    options = figures.parse()
     for case in cases:
         if options.case is None or options.case in case.name:
-            print(json.dumps(measure(case, options.runs)), flush=True)
+            figures.line(case.name, **measure(case, options.runs))

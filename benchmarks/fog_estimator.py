@@ -256,7 +256,6 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         return [round(size / level, 3), round(error / level, 3)]
 
     return {
-        "case": case.name,
         "turns": len(heat),
         "runs": runs,
         "bound_rms_ppm": round(level, 3),

@@ -10,7 +10,6 @@ own whose largest resident set is measured, beside what `validate` foresaw of th
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
+from figures import Figures
 from made_runs import made_run
 
 from station import registry
@@ -41,7 +41,8 @@ def main() -> None:
     parser.add_argument("--formats", default="hdf5", help="of `station export`, with commas")
     parser.add_argument("--lost", type=float, default=0.0, help="part of the samples")
     parser.add_argument("--keep", type=Path, help="a folder in which the run folder is left")
-    arguments = parser.parse_args()
+    figures = Figures(parser)
+    arguments = figures.parse()
     simultaneous = arguments.excitation == "simultaneous"
     frequency = "null" if simultaneous else f"{arguments.frequency} Hz"
     settings = [
@@ -57,8 +58,8 @@ def main() -> None:
         foreseen = procedure_of(plan.procedure).forecast(plan.parameters, bench)
         began = time.perf_counter()
         folder = made_run(arguments.keep or Path(parent), plan, bench, lost=arguments.lost)
+        name = f"{arguments.hours:g} h, {arguments.excitation}"
         case = {
-            "benchmark": "memory_evaluation",
             "hours": arguments.hours,
             "sample_interval_s": arguments.sample_interval,
             "excitation": arguments.excitation,
@@ -70,7 +71,8 @@ def main() -> None:
         work: list[tuple[object, ...]] = [("analyse", folder)]
         work += [("export", folder, "--format", one) for one in arguments.formats.split(",") if one]
         for verb in work:
-            print(json.dumps({**case, **measured(verb)}), flush=True)
+            found = measured(verb)
+            figures.line(f"{name}: {found['work']}", **case, **found)
 
 
 def measured(verb: tuple[object, ...]) -> dict[str, Any]:

@@ -273,7 +273,6 @@ def measure(case: Case, runs: int) -> dict[str, object]:
             rows[name]["published_rmse_over_bound"] = round(float(np.sqrt((other**2).mean())), 2)
     weighted = errors["scale_factor"][~plain] / limit["scale_factor"][0]
     return {
-        "case": case.name,
         "runs": runs,
         "results": rows,
         "plain_means": int(plain.sum()),

@@ -6,12 +6,12 @@ python benchmarks/raw_record.py
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from figures import Figures
 
 from station.record.raw import ARRIVAL, RawFile
 
@@ -21,7 +21,8 @@ CHANNELS = 8
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=2_000_000)
-    arguments = parser.parse_args()
+    figures = Figures(parser)
+    arguments = figures.parse()
     names = [f"channel_{number}" for number in range(CHANNELS)]
     for block in (10, 100, 1000, 10_000):
         rows = np.zeros(block, dtype=[*((name, np.float64) for name in names), (ARRIVAL, float)])
@@ -29,22 +30,21 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "rows.mcap"
             file = RawFile(path, "benchmark", dict.fromkeys(names, "1"))
-            began = time.perf_counter()
+            began, worked = time.perf_counter(), time.process_time()
             for _ in range(blocks):
                 file.write("unit", rows)
             file.sync()
-            took_s = time.perf_counter() - began
+            took_s, worked_s = time.perf_counter() - began, time.process_time() - worked
             file.close()
             size = path.stat().st_size
         line = {
-            "benchmark": "raw_record",
             "channels": CHANNELS,
-            "rows_per_block": block,
             "rows_per_s": round(blocks * block / took_s),
-            "microseconds_per_block": round(took_s / blocks * 1e6, 1),
+            "us_per_block": round(took_s / blocks * 1e6, 1),
+            "processor_us_per_block": round(worked_s / blocks * 1e6, 1),
             "bytes_beside_rows_per_block": round(size / blocks - rows.nbytes),
         }
-        print(json.dumps(line), flush=True)
+        figures.line(f"{block} rows a block", **line)
 
 
 if __name__ == "__main__":

@@ -195,7 +195,6 @@ def measure(case: Case, runs: int) -> dict[str, object]:
     half, half_error = ratio(differences)
     pulls = errors / units
     return {
-        "case": case.name,
         "runs": runs,
         "bound": round(case.bound, 6),
         "best_rmse_over_bound": round(best, 3),

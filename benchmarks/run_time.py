@@ -14,10 +14,11 @@ python benchmarks/run_time.py --plan nine-axis-calibration --own-threads
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from pathlib import Path
+
+from figures import Figures
 
 from station import registry
 from station.clock.virtual_wire import VirtualWire
@@ -36,7 +37,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--set", action="append", default=[], dest="overrides")
     parser.add_argument("--own-threads", action="store_true")
-    arguments = parser.parse_args()
+    figures = Figures(parser)
+    arguments = figures.parse()
     if arguments.own_threads:
         setattr(VirtualWire, "attend", lambda wire, attendant: False)  # noqa: B010
     for number in range(arguments.runs):
@@ -50,8 +52,6 @@ def main() -> None:
             folder = RunFolder(outcome.folder)
             bench_s, units = folder.events[-1].time_s, len(folder.finished_units())
         line = {
-            "benchmark": "run_time",
-            "plan": arguments.plan,
             "own_threads": arguments.own_threads,
             "run": number,
             "exit_code": outcome.exit_code,
@@ -61,7 +61,7 @@ def main() -> None:
             "processor_s": round(cpu_s, 3),
             "bench_time_over_wall_time": round(bench_s / wall_s, 1),
         }
-        print(json.dumps(line), flush=True)
+        figures.line(arguments.plan, **line)
 
 
 if __name__ == "__main__":

@@ -146,7 +146,6 @@ def measure(case: Case, runs: int) -> dict[str, object]:
             flags[code] = flags.get(code, 0) + 1
     spread = errors.std(axis=0, ddof=1)
     return {
-        "case": case.name,
         "runs": runs,
         "joint_fits": joint,
         "bound": rounded(bound, 1),

@@ -1,6 +1,6 @@
 """What the estimator of the tumble test is worth: rmse over the bound and coverage, by case.
 
-`python benchmarks/tumble_estimator.py [SETS]` prints a line a case: the
+`python benchmarks/tumble_estimator.py --runs 200` prints a line a case: the
 root of the mean square over the coefficients of error / bound, the worst one, and the least and
 largest part of the 95 % intervals that hold the truth. The bound is the solution's covariance with
 the true noise, the priors and only the slow terms that are there. The formulas' figures are beside.
@@ -8,10 +8,12 @@ the true noise, the priors and only the slow terms that are there. The formulas'
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
 import numpy as np
+from figures import Figures
 from scipy.special import stdtrit
 
 from procedures.accelerometer_tumble.analysis import analyse
@@ -94,14 +96,21 @@ def run(stage: Stage, slow: tuple[str, ...], sets: int) -> tuple[Array, ...]:
 
 def main() -> None:
     """Print a line for each case."""
-    sets = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-    for name, (stage, slow) in CASES.items():
-        ratio, cover, other = run(stage, slow, sets)
-        print(
-            f"{name:18} rmse/bound {np.sqrt(np.mean(ratio**2)):.2f} (worst {ratio.max():.2f})  "
-            f"coverage {100 * cover.min():.1f} to {100 * cover.max():.1f} %  "
-            f"formulas, worst {np.nanmax(other):.1f}",
-            flush=True,
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=300)
+    parser.add_argument("--case", choices=CASES, action="append")
+    figures = Figures(parser)
+    given = figures.parse()
+    for name in given.case or CASES:
+        ratio, cover, other = run(*CASES[name], given.runs)
+        figures.line(
+            name,
+            runs=given.runs,
+            rmse_over_bound=round(float(np.sqrt(np.mean(ratio**2))), 3),
+            largest_over_bound=round(float(ratio.max()), 3),
+            least_covered=round(float(cover.min()), 4),
+            most_covered=round(float(cover.max()), 4),
+            formulas_over_bound=round(float(np.nanmax(other)), 2),
         )
 
 

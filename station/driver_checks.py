@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from station import registry
-from station.errors import QuantityNotRead
+from station.errors import QuantityNotRead, reason_of
 from station.fields import StrictModel, key_of
 from station.files.faults import Fault, listed, nearest
 from station.files.validation import check_model
@@ -73,7 +73,8 @@ def driver_faults(document: Document) -> Iterator[Fault]:
         try:
             own = [*_own_faults(document, name, loaded)]
         except Exception as error:  # whatever the package of a driver makes of its settings
-            what = f"the settings of the driver '{driver}' cannot be checked ({error!r}); repair it"
+            why = reason_of(error)
+            what = f"the settings of the driver '{driver}' cannot be checked ({why}); repair it"
             yield document.fault(("instruments", name, "driver"), what)
             continue
         drivers[name] = loaded

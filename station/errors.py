@@ -172,6 +172,17 @@ class NotAcknowledged(StationError):
     exit_code = EXIT_INTERLOCK
 
 
+def reason_of(error: BaseException) -> str:
+    """Return what an error of any library says, as a part of a sentence on one line.
+
+    The name of its class tells a person nothing: that is in the traceback.
+    """
+    text = " ".join(str(error).split())
+    if isinstance(error, KeyError):
+        return f"{text} is missing"
+    return text or "it gives no reason"
+
+
 NUMERICS = ("numpy", "scipy")
 
 

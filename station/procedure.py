@@ -15,6 +15,8 @@ from station.files.faults import FaultList
 from station.method.prompts import Prompt as Prompt
 from station.method.set_points import Envelope
 from station.method.work import (
+    NO_TIME,
+    Duration,
     Forecast,
     Work,
     recordings_of,
@@ -44,16 +46,11 @@ class ResultKind:
 
 @dataclass(frozen=True)
 class Step:
-    """One step with the source document's own number.
-
-    `body` does it; `duration_s(parameters)` is the bench time it is expected to take, beside the
-    time of the work that the procedure declares for it.
-    """
+    """One step with the source document's own number; `body` does it."""
 
     number: str
     title: str
     body: Callable[[Run], None]
-    duration_s: Callable[[Any], float] = lambda _: 0.0
 
 
 @dataclass(frozen=True)
@@ -293,17 +290,16 @@ class Procedure:
             return None
         return Envelope.of(self.forecast(parameters, bench).set_points)
 
-    def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, float]]:
-        """Yield each step with the bench time in s that it is expected to take."""
-        work_s: dict[str, float] = {}
-        for part in self.declared(parameters):
-            work_s[part.step] = work_s.get(part.step, 0.0) + part.duration_s
+    def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, Duration]]:
+        """Yield each step with the bench time that its work takes; what a person does is beside."""
+        declared = self.declared(parameters)
         for step in self.steps:
-            yield step, step.duration_s(parameters) + work_s.get(step.number, 0.0)
+            own = (part.duration for part in declared if part.step == step.number)
+            yield step, sum(own, NO_TIME)
 
-    def duration_s(self, parameters: Any) -> float:
-        """Return the bench time in s that a run is expected to take."""
-        return sum(expected_s for _, expected_s in self.timed_steps(parameters))
+    def duration(self, parameters: Any) -> Duration:
+        """Return the bench time that a run takes."""
+        return sum((duration for _, duration in self.timed_steps(parameters)), NO_TIME)
 
 
 def procedure_of(name: str) -> Procedure:

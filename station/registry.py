@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from station.errors import InputError
+from station.errors import InputError, reason_of
 
 PROCEDURES = "station.procedures"
 DRIVERS = "station.drivers"
@@ -42,8 +42,8 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
             ]
         except Exception as error:  # metadata that anybody may have written
             odd.append(
-                f"the entry points of the package {name_of(package)} cannot be read ({error!r}); "
-                "reinstall the package, or remove it"
+                f"the entry points of the package {name_of(package)} cannot be read "
+                f"({reason_of(error)}); reinstall the package, or remove it"
             )
             continue
         for entry in offered:
@@ -111,7 +111,8 @@ def load(group: str, name: str) -> Any:
     except (Exception, SystemExit) as error:  # whatever the package does when it is imported
         raise InputError(
             f"the {kind} {name!r} of the package {name_of(entry.dist)} cannot be loaded from "
-            f"{entry.value} ({error!r}); install what the package needs, repair it or remove it"
+            f"{entry.value} ({reason_of(error)}); install what the package needs, repair it or "
+            "remove it"
         ) from error
 
 

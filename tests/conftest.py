@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from station.cli import ONE_BLAS_THREAD
 
@@ -137,3 +138,10 @@ def run_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
         return made_once(tmp_path_factory, name, make)
 
     return run
+
+
+# Every run tries the same examples, so that a failure is the change's and not the day's.
+settings.register_profile(
+    "same-examples", derandomize=True, deadline=None, max_examples=60, print_blob=False
+)
+settings.load_profile("same-examples")

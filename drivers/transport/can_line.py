@@ -12,9 +12,9 @@ import can
 
 from drivers.transport.can_adapter import Adapter, StampedTime
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
-from drivers.transport.serial_port import CONNECT_DEADLINE_S, SocketPort, connected, one_line
+from drivers.transport.serial_port import CONNECT_DEADLINE_S, SocketPort, connected
 from station.clock import FarEnd, boot_seconds
-from station.errors import InstrumentError
+from station.errors import InstrumentError, reason_of
 from station.roles import Place
 from station.roles.can_addresses import SCHEME, can_address
 
@@ -195,7 +195,7 @@ class CanLine(KeptFrames[Frame]):
         except OSError as error:
             do = "check the adapter, its driver and that nobody else has it open"
             raise self._nobody_answers(
-                one_line(error), do if is_adapter else "start socketcand, check the adapter"
+                reason_of(error), do if is_adapter else "start socketcand, check the adapter"
             ) from error
         self._begin_to_read()
 
@@ -231,7 +231,7 @@ class CanLine(KeptFrames[Frame]):
             message = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
             self._bus.send(message)
         except OSError as error:
-            raise self._broken(one_line(error)) from error
+            raise self._broken(reason_of(error)) from error
 
     def close(self) -> None:
         """Close the connection and end the reader."""
@@ -244,7 +244,7 @@ class CanLine(KeptFrames[Frame]):
             messages = self._received(within_s)
         except (OSError, ValueError) as error:
             if not self._closing.is_set():
-                self._dead = one_line(error)
+                self._dead = reason_of(error)
             # Nothing that is still on its way can come any more.
             self._wire.close()
             return False

@@ -16,8 +16,8 @@ from typing import TypeVar
 
 from drivers.transport.line import AnswerInDoubt, ExchangeLine, LineBroken, TooLate, shortened
 from drivers.transport.retry import NEVER, TRIES, Proof, Repeatable, repeated
-from drivers.transport.serial_port import Port, one_line
-from station.errors import InstrumentError
+from drivers.transport.serial_port import Port
+from station.errors import InstrumentError, reason_of
 from station.roles import Place
 
 Answer = TypeVar("Answer")
@@ -338,7 +338,7 @@ class ExchangePort(ExchangeLine, ABC):
         only = f"only {shortened(text)!r} came and " if answer else ""
         return self._fault(
             attempted,
-            f"{only}the line broke ({one_line(error)})",
+            f"{only}the line broke ({reason_of(error)})",
             "check that nobody else uses the instrument, its cable and its power",
             LineBroken,
         )

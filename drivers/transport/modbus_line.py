@@ -26,11 +26,10 @@ from drivers.transport.serial_port import (
     Port,
     SerialSettings,
     connected,
-    one_line,
     open_port,
     wire_address,
 )
-from station.errors import InstrumentError
+from station.errors import InstrumentError, reason_of
 from station.roles import Place
 
 NO_REGISTER, DEVICE_FAILURE = 2, 4
@@ -228,7 +227,7 @@ class ModbusLine(ExchangePort):
         try:
             return self._framer.handleFrame(answer, self._unit, self._transaction)
         except (ModbusException, IndexError, ValueError) as error:
-            what = f"{shown(answer)} came back, which is no Modbus ({one_line(error)})"
+            what = f"{shown(answer)} came back, which is no Modbus ({reason_of(error)})"
             raise self._wrong(attempted, what) from error
 
 

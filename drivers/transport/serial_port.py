@@ -177,8 +177,3 @@ def wire_address(address: str) -> str:
     """Return `host:port` of a socket address, else the address itself."""
     parts = urlsplit(address)
     return parts.netloc if parts.scheme == "socket" else address
-
-
-def one_line(error: BaseException) -> str:
-    """Return what an error says, in one line."""
-    return " ".join(str(error).split())

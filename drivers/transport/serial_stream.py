@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
-from drivers.transport.serial_port import Port, SerialSettings, one_line, open_port, wire_address
+from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_address
+from station.errors import reason_of
 from station.roles import Place
 
 LONGEST_FRAME = 1 << 16
@@ -60,7 +61,7 @@ class SerialStream(KeptFrames[StreamFrame]):
         try:
             self._port.write(data)
         except OSError as error:
-            raise self._broken(one_line(error)) from error
+            raise self._broken(reason_of(error)) from error
 
     def close(self) -> None:
         """Close the line and end the reader; a line that is already gone is no error."""
@@ -73,7 +74,7 @@ class SerialStream(KeptFrames[StreamFrame]):
             data = self._port.read(within_s)
         except (OSError, ValueError, TypeError) as error:  # pyserial on a port that vanished
             if not self._closing.is_set():
-                self._dead = one_line(error) or type(error).__name__
+                self._dead = reason_of(error)
             # Nothing that is still on its way can come any more.
             self._wire.close()
             return False

@@ -16,6 +16,9 @@ from station.runner.verbs import come_to_rest, record_published, require_off
 from .measuring import Place, finished_points, measure, turn_to
 from .parameters import AccelerometerParameters, Point
 from .work import (
+    DEGAUSS_HOLD_S,
+    DEGAUSS_RATIO,
+    DEGAUSS_STEPS,
     GAUSSMETER,
     POWER,
     STAGE,
@@ -34,9 +37,6 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 RANGE_HEADROOM = 1.5
-DEGAUSS_STEPS = 12
-DEGAUSS_RATIO = 0.65
-DEGAUSS_HOLD_S = 0.5
 MOUNTINGS = {
     "io": "its pendulous axis (PA) along the stage's horizontal axis, its input axis (IA) level at "
     "0 deg and rising with the angle",

@@ -20,6 +20,7 @@ from .parameters import AccelerometerParameters, Point
 from .work import (
     FIELD_LOOK_S,
     GAUSSMETER,
+    MOST_RANGES,
     MULTIMETER,
     STAGE,
     THERMOMETER,
@@ -37,7 +38,6 @@ T_PER_MT = 1e-3
 AXIS_COLUMN = "x_T"
 """The probe's x stands along the coil's axis."""
 HIGHER_RANGE = 10.0
-MOST_RANGES = 3
 POINTS = 3
 """So many points in a row may not read the same."""
 STAGE_COLUMNS = {

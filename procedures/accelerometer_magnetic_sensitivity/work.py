@@ -6,12 +6,12 @@ The steps apply the commands that are declared here; forecast, limits and durati
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 from station import registry
 from station.method.commands import Angle, CoilOff, Homing, MeterRange, Power, SteadyField
-from station.method.work import Rows, Work
+from station.method.work import Duration, Rows, Work, on_the_way
 from station.procedure import Problem, RecordUse
 
 from .parameters import AccelerometerParameters, Point
@@ -33,9 +33,12 @@ LARGEST_G = 1.1
 FULL_TURN_DEG = 360.0
 LOOK_S = 0.25
 FIELD_LOOK_S = 0.5
-HOMING_S, DEGAUSS_S, TURN_S, RAMP_S = 10.0, 14.0, 0.75, 0.4
+MOST_RANGES = 3
+LONGEST_LOOK_S = 2.0
+HOMING_S, TURN_S, RAMP_S = 10.0, 0.75, 0.4
 RAMP_MT_PER_S, TURN_DEG_PER_S = 25.0, 20.0
 """A supply of 5 A/s at a coil of 5 mT/A; a stage of the usual rate."""
+DEGAUSS_STEPS, DEGAUSS_RATIO, DEGAUSS_HOLD_S = 12, 0.65, 0.5
 FIELD_ROWS_S = 1.0
 """So much longer than a burst the field is recorded."""
 
@@ -75,8 +78,9 @@ def work(parameters: AccelerometerParameters) -> Iterator[Work]:
     """
     rms_mT = rms_field_mT(parameters)
     setting_up = (Homing(STAGE), first_range(parameters), Power(POWER, True))
-    degauss_s = DEGAUSS_S if parameters.degauss else 0.0
-    yield Work("(2)", None, setting_up, duration_s=HOMING_S + parameters.warm_up_s + degauss_s)
+    setting_up_s = parameters.warm_up_s + degauss_s(parameters)
+    way = on_the_way(HOMING_S + degauss_ramps_s(parameters))
+    yield Work("(2)", None, setting_up, duration_s=setting_up_s, decided=way)
     if parameters.degauss and parameters.largest_field_mT > max(
         abs(level) for level in parameters.field_levels_mT
     ):  # no point goes as far as what takes the remanence away
@@ -86,7 +90,8 @@ def work(parameters: AccelerometerParameters) -> Iterator[Work]:
         declared = ("(3)", "(6)", "(7)")[min(number, 2)]
         for place, point in enumerate(group):
             turning_s = turn_s(before, point)
-            measuring_s = point_s(parameters, before, point)
+            still_s, measuring = point_s(parameters, before, point)
+            measuring_s = still_s + measuring.expected_s
             commands = (field_of(point.field_mT, rms_mT),)
             yield Work(
                 declared,
@@ -94,11 +99,14 @@ def work(parameters: AccelerometerParameters) -> Iterator[Work]:
                 commands if place else (angle_of(point), *commands),
                 rows_of(parameters, turning_s + measuring_s),
             )
-            yield Work("(5)" if number == 1 else declared, point.unit, duration_s=turning_s)
+            turning = "(5)" if number == 1 else declared
+            yield Work(turning, point.unit, decided=on_the_way(turning_s))
             measured = "(4)" if number == 0 and place else declared
-            yield Work(measured, point.unit, duration_s=measuring_s)
+            yield Work(measured, point.unit, duration_s=still_s, decided=measuring)
             before = point
-    yield Work("(7)", None, (CoilOff(SUPPLY), Power(POWER, False)), duration_s=RAMP_S)
+    off = (CoilOff(SUPPLY), Power(POWER, False))
+    largest_mT = max(abs(level) for level in parameters.field_levels_mT)
+    yield Work("(7)", None, off, decided=on_the_way(RAMP_S + largest_mT / RAMP_MT_PER_S))
 
 
 def rows_of(parameters: AccelerometerParameters, whole_s: float) -> tuple[Rows, ...]:
@@ -116,15 +124,39 @@ def burst_s(parameters: AccelerometerParameters) -> float:
     return 2.0 * parameters.readings * parameters.nplc / 50.0
 
 
-def point_s(parameters: AccelerometerParameters, before: Point | None, point: Point) -> float:
-    """Return the expected time of a point beside the turn: field, dwell and burst.
+def point_s(
+    parameters: AccelerometerParameters, before: Point | None, point: Point
+) -> tuple[float, Duration]:
+    """Return the time of a point beside the turn, dwell and burst, and what is decided on the way.
 
+    The field settles when its readings agree, and a burst is taken again where it was overloaded.
     `before` is the point before it; None where the bench stands at its zeros.
     """
-    still_s = parameters.dwell.at_least_s + FIELD_LOOK_S + burst_s(parameters) + LOOK_S
-    way_mT = abs(point.field_mT - (before.field_mT if before else 0.0))
-    again = parameters.degauss and before is not None and before.plane != point.plane
-    return still_s + RAMP_S + way_mT / RAMP_MT_PER_S + (DEGAUSS_S if again else 0.0)
+    still_s, way_mT = parameters.dwell.at_least_s + burst_s(parameters), abs(point.field_mT)
+    way_s = RAMP_S
+    if before is not None and before.plane == point.plane:
+        way_mT = abs(point.field_mT - before.field_mT)
+    elif before is not None:
+        still_s += degauss_s(parameters)
+        way_s += abs(before.field_mT) / RAMP_MT_PER_S + degauss_ramps_s(parameters)
+    waits_s = parameters.dwell.at_most_s - parameters.dwell.at_least_s
+    bursts_s = (MOST_RANGES - 1) * burst_s(parameters) + MOST_RANGES * LONGEST_LOOK_S
+    looks = Duration(FIELD_LOOK_S + LOOK_S, 0.0, waits_s + 2.0 * FIELD_LOOK_S + bursts_s)
+    return still_s, looks + on_the_way(way_s + way_mT / RAMP_MT_PER_S)
+
+
+def degauss_s(parameters: AccelerometerParameters) -> float:
+    """Return how long the alternating, falling field is held that takes the remanence away."""
+    return DEGAUSS_STEPS * DEGAUSS_HOLD_S if parameters.degauss else 0.0
+
+
+def degauss_ramps_s(parameters: AccelerometerParameters) -> float:
+    """Return how long the ramps between its steps are expected to take, and that back to zero."""
+    if not parameters.degauss:
+        return 0.0
+    shares = [0.0, *((-DEGAUSS_RATIO) ** step for step in range(DEGAUSS_STEPS)), 0.0]
+    way = sum(abs(after - before) for before, after in pairwise(shares))
+    return way * parameters.largest_field_mT / RAMP_MT_PER_S + RAMP_S * (DEGAUSS_STEPS + 1)
 
 
 def turn_s(before: Point | None, point: Point) -> float:

@@ -163,7 +163,7 @@ def steps() -> Iterator[Step]:
     """Yield the steps of all parts; one that a plan leaves out does nothing."""
     for part in PARTS:
         for step in part.steps:
-            yield Step(step.number, step.title, _where_chosen(part, step), step.duration_s)
+            yield Step(step.number, step.title, _where_chosen(part, step))
 
 
 def _where_chosen(part: Part, step: Step) -> Callable[[Run], None]:

@@ -12,7 +12,7 @@ from station.roles.turntable import table_axes
 from station.runner.verbs import Follower, look_until
 
 from .parameters import AXES, FogParameters
-from .work import CHAMBER, CHAMBER_EVERY_S, NAVIGATOR, TABLE
+from .work import CHAMBER, CHAMBER_EVERY_S, LOOK_S, NAVIGATOR, TABLE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     from station.runner.run import Run
 
-LOOK_S = 8.0
-"""Run time between two looks; less where time runs by itself, so that a kill loses little. A run
-that ends early takes first what has come since the last one."""
 MOVING_LOOK_S = 1.0
 TURNING_LOOK_S = 2.0
 SETTLED_S = 1.0

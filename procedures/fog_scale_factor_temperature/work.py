@@ -23,7 +23,7 @@ from station.method.motion import (
     TemperatureTo,
 )
 from station.method.set_points import Bounded, Bounds, Command
-from station.method.work import Rows, Work
+from station.method.work import Duration, Rows, Work, on_the_way
 from station.procedure import RecordUse
 
 from .parameters import FULL_TURN_DEG, SECONDS_PER_HOUR, FogParameters, Verification
@@ -47,6 +47,9 @@ PROVED_WITHIN_DEGC = 2.0
 APPROACH_S = 2700.0
 LEAST_LEFT_DEGC = 0.1
 CHAMBER_EVERY_S = 30.0
+LOOK_S = 8.0
+"""Run time between two looks; less where time runs by itself, so that a kill loses little. A run
+that ends early takes first what has come since the last one."""
 UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
 """Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
 
@@ -61,11 +64,38 @@ def records(parameters: FogParameters, bench: Bench) -> tuple[RecordUse, ...]:
     return (RecordUse(TABLE, "angle", 360.0, "deg", corrected=False),)
 
 
-def soak_s(parameters: FogParameters) -> float:
-    """Return the expected bench time in s of step 1."""
-    warm_s = max(_until_s(EXPECTED_HEAT_DEGC, left_degC(parameters)), parameters.warm_up.window_s)
-    steady_s = parameters.alignment_s + min(warm_s, parameters.warm_up.at_most_s)
-    return APPROACH_S + parameters.soak_s + steady_s + parameters.random_rotation_s
+def soaking(parameters: FogParameters) -> Duration:
+    """Return the bench time of step 1 beside its soak and its rotation: what is waited for."""
+    rule = parameters.warm_up
+    warm_s = max(_until_s(EXPECTED_HEAT_DEGC, left_degC(parameters)), rule.window_s)
+    warm = Duration(
+        min(warm_s, rule.at_most_s), rule.window_s, rule.at_most_s + rule.window_s / 60.0
+    )
+    aligned = _within(parameters.alignment_s, parameters.alignment_at_most_s)
+    homed = on_the_way(parameters.reorientation_s)
+    return homed + _approaching(parameters) + homed + aligned + warm
+
+
+def _within(expected_s: float, at_most_s: float) -> Duration:
+    """Return how long something is waited for that the plan gives a limit."""
+    return Duration(min(expected_s, at_most_s), 0.0, at_most_s + LOOK_S)
+
+
+def _approaching(parameters: FogParameters) -> Duration:
+    """Return how long the chamber needs to a temperature."""
+    return _within(APPROACH_S, parameters.chamber_at_most_s)
+
+
+def turns_until(parameters: FogParameters, rate_degC_per_h: float, expected_s: float) -> Duration:
+    """Return how long a ramp's turns go on: a set at least, and as long as the gyros lag at most.
+
+    `expected_s` is that of the whole sets.
+    """
+    schedule, interval_s = parameters.schedule, parameters.set_interval_s
+    least_s = schedule.axes * schedule.turns * FULL_TURN_DEG / schedule.rate_deg_per_s
+    ramp_s = parameters.span_degC / rate_degC_per_h * SECONDS_PER_HOUR
+    most_s = ramp_s + parameters.chamber_at_most_s + 2.0 * interval_s
+    return Duration(min(expected_s, most_s), least_s, most_s)
 
 
 def ramp_s(parameters: FogParameters) -> float:
@@ -76,19 +106,22 @@ def ramp_s(parameters: FogParameters) -> float:
     )
 
 
-def proof_s(parameters: FogParameters) -> float:
-    """Return the expected bench time in s of step 4."""
-    rule = parameters.verification
-    if rule is None:
-        return 0.0
-    behind_degC = _behind_degC(parameters, rule.ramp_rate_degC_per_h)
+def proving(parameters: FogParameters, rule: Verification) -> Duration:
+    """Return the bench time of step 4: cold again where it has to be, then the ramp with its turns.
+
+    Before the turns the gyros come back into the range that the curve covers.
+    """
+    rate, most_s = rule.ramp_rate_degC_per_h, parameters.chamber_at_most_s
+    behind_degC = _behind_degC(parameters, rate)
     near_degC = max(PROVED_WITHIN_DEGC - left_degC(parameters), LEAST_LEFT_DEGC)
+    back = _within(0.0, most_s)
     if rule.direction == "down":
         after_s = _until_s(behind_degC, near_degC)
-        return _whole_sets_s(parameters, rule.ramp_rate_degC_per_h, after_s)
-    cools_s = APPROACH_S + _until_s(parameters.span_degC, near_degC)
+        return back + turns_until(parameters, rate, _whole_sets_s(parameters, rate, after_s))
+    cooled = _within(_until_s(parameters.span_degC, near_degC), most_s)
     after_s = _until_s(behind_degC, EXPECTED_HEAT_DEGC)
-    return cools_s + _whole_sets_s(parameters, rule.ramp_rate_degC_per_h, after_s)
+    turns = turns_until(parameters, rate, _whole_sets_s(parameters, rate, after_s))
+    return _approaching(parameters) + cooled + back + turns
 
 
 def sets_of_ramp(parameters: FogParameters) -> int:
@@ -222,17 +255,23 @@ def work(parameters: FogParameters) -> Iterator[Work]:
     if parameters.random_rotation_s > 0.0:
         text = "random rotation as fast as the turns"
         start.append(Bounded(TABLE, text, within=rate, decided_by=TURN_RATE))
-    before_s = soak_s(parameters)
-    silent_s = APPROACH_S + parameters.soak_s
-    yield Work("1", None, tuple(start), rows(parameters, before_s, silent_s), before_s)
-    ramps_s = ramp_s(parameters)
-    yield Work("2", None, (fitted_ramp(parameters),), rows(parameters, ramps_s), ramps_s)
+    certain_s, soaked = parameters.soak_s + parameters.random_rotation_s, soaking(parameters)
+    if parameters.random_rotation_s > 0.0:  # its last leg is stopped at the end of its time
+        soaked += on_the_way(
+            parameters.turn_rate_deg_per_s / parameters.turn_acceleration_deg_per_s2
+        )
+    silent_s = _approaching(parameters).expected_s + parameters.soak_s
+    heard = rows(parameters, certain_s + soaked.expected_s, silent_s)
+    yield Work("1", None, tuple(start), heard, certain_s, decided=soaked)
+    ramps = turns_until(parameters, parameters.ramp_rate_degC_per_h, ramp_s(parameters))
+    heard = rows(parameters, ramps.expected_s)
+    yield Work("2", None, (fitted_ramp(parameters),), heard, decided=ramps)
     yield from set_of_turns("2", parameters)
     rule = parameters.verification
     if rule is not None:
-        proves_s = proof_s(parameters)
-        ramp = proof_ramp(parameters, rule)
-        yield Work("4", None, (ramp,), rows(parameters, proves_s), proves_s)
+        proved = proving(parameters, rule)
+        heard = rows(parameters, proved.expected_s)
+        yield Work("4", None, (proof_ramp(parameters, rule),), heard, decided=proved)
         yield from set_of_turns("4", parameters)
     yield Work("4", commands=(Power(POWER, False),))
 

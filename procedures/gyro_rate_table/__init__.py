@@ -68,7 +68,7 @@ def switch_off(run: Run) -> None:
 
 
 STEPS = (
-    Step("1", "Mount the gyro on the table, input axis up", mount, lambda _: 1.0),
+    Step("1", "Mount the gyro on the table, input axis up", mount),
     Step(FIRST, "On, warm; standing, each rate in both senses by whole turns, standing", first),
     Step(AGAIN, "Off, cool, and the same again for each switch-on", again),
     Step(OFF, "Switch the gyro off", switch_off),

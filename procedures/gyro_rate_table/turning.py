@@ -14,15 +14,23 @@ from station.method.commands import Power
 from station.runner.verbs import Follower, come_to_rest, keep_row, look_until
 
 from .parameters import FULL_TURN_DEG, RateTableParameters, Turn, unit_of
-from .work import GYRO, POWER, TURNTABLE, UP_SENSE, record_s, sampling, spin, to_level
+from .work import (
+    GYRO,
+    LATE_SAMPLES_S,
+    POWER,
+    TURNTABLE,
+    UP_SENSE,
+    record_s,
+    sampling,
+    spin,
+    to_level,
+)
 
 if TYPE_CHECKING:
     from station.runner.run import Run
 
 LOOK_S = 0.5
 LATE, LATE_S = 1.5, 10.0
-LATE_SAMPLES_S = 2.0
-"""Samples of a record's last moments may still be on their way when it ends."""
 FOLLOWS = 0.01
 TABLE_COLUMNS = {
     "angle_deg": "deg, the encoder of the axis that turns, turns counted, clockwise from above",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from station.method.commands import GyroSampling, Power
 from station.method.motion import AxisAtRate, AxisTo
-from station.method.work import Rows, Work
+from station.method.work import NO_TIME, Duration, Rows, Work, on_the_way
 from station.procedure import Problem, RecordUse
 from station.roles.turntable import unnamed_axes
 
@@ -26,6 +26,8 @@ USUAL_ACCELERATION_DEG_PER_S2 = 50.0
 CLOSE_S = 10.0
 REACHING_S, MORE_INTERVALS = 3.0, 3
 """Time until a rate or rest is reached beside the ramps; intervals recorded beyond whole turns."""
+LATE_SAMPLES_S = 2.0
+"""Samples of a record's last moments may still be on their way when it ends."""
 
 
 def instruments(parameters: RateTableParameters) -> tuple[str, ...]:
@@ -76,18 +78,26 @@ def record_s(parameters: RateTableParameters, turn: Turn) -> float:
     return turn.record_s + MORE_INTERVALS * parameters.sample_interval_s
 
 
-def turn_s(parameters: RateTableParameters, turn: Turn) -> float:
-    """Return the expected bench time in s of one record."""
+def moving_s(parameters: RateTableParameters, turn: Turn) -> Duration:
+    """Return the bench time of a record beside its own: to the rate and back to rest.
+
+    A record ends with the first reading of the angle after its time.
+    """
+    every_s = parameters.reading_interval_s
+    late = Duration(every_s / 2.0, 0.0, every_s)
     if not turn.rate_deg_per_s:
-        return record_s(parameters, turn)
+        return late
     ramps_s = 2.0 * abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
-    return record_s(parameters, turn) + parameters.settle_s + ramps_s + REACHING_S
+    return late + on_the_way(ramps_s + REACHING_S)
 
 
 def work(parameters: RateTableParameters) -> Iterator[Work]:
     """Yield the table made level, each switch-on with its records, and the end."""
-    yield Work(FIRST, None, to_level(parameters), (), CLOSE_S)
-    turning_s = sum(turn_s(parameters, turn) for turn in parameters.turns)
+    yield Work(FIRST, None, to_level(parameters), (), decided=on_the_way(CLOSE_S))
+    recorded_s = sum(record_s(parameters, turn) for turn in parameters.turns)
+    recorded_s += parameters.settle_s * sum(turn.rate_deg_per_s != 0.0 for turn in parameters.turns)
+    moving = sum((moving_s(parameters, turn) for turn in parameters.turns), NO_TIME)
+    turning_s = recorded_s + moving.expected_s
     spins = tuple(spin(parameters, turn) for turn in parameters.turns if turn.rate_deg_per_s)
     for number in range(1, parameters.switch_ons + 1):
         before_s = parameters.warm_up_s + (parameters.cool_s if number > 1 else 0.0)
@@ -103,9 +113,10 @@ def work(parameters: RateTableParameters) -> Iterator[Work]:
             unit_of(number),
             (*powered, sampling(parameters), *spins),
             rows,
-            before_s + turning_s,
+            before_s + recorded_s + LATE_SAMPLES_S,
+            decided=moving,
         )
-    yield Work(OFF, commands=(Power(POWER, False),), duration_s=1.0)
+    yield Work(OFF, commands=(Power(POWER, False),))
 
 
 def outlook(parameters: RateTableParameters) -> Sequence[str]:

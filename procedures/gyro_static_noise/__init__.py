@@ -26,6 +26,7 @@ from .parameters import UNITS, StaticParameters, unit_of
 from .work import (
     AGAIN,
     GYRO,
+    LATE_S,
     MAIN,
     OFF,
     POWER,
@@ -50,8 +51,6 @@ MOUNT = Prompt(
     then="cables; the gyro is switched on by the station",
 )
 CABLES = Prompt("connect-cables", "Connect the gyro to its acquisition board and its supply.")
-LATE_S = 2.0
-"""A record lasts so much longer than its samples, which come late."""
 
 
 def mount(run: Run) -> None:
@@ -99,7 +98,7 @@ def switch_off(run: Run) -> None:
 
 
 STEPS = (
-    Step("1", "Mount the gyro on a still plate", mount, lambda _: 1.0),
+    Step("1", "Mount the gyro on a still plate", mount),
     Step(MAIN, "Switch it on, let it warm up, record it long", main_record),
     Step(AGAIN, "Off, cool, on, warm: a short record each time", repeats),
     Step(OFF, "Switch the gyro off", switch_off),

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 GYRO, POWER = "gyro_acquisition", "dut_power"
 MAIN, AGAIN, OFF = "3", "4", "5"
+LATE_S = 2.0
+"""A record lasts so much longer than its samples, which come late."""
 
 
 def instruments(parameters: StaticParameters) -> tuple[str, ...]:
@@ -41,9 +43,9 @@ def work(parameters: StaticParameters) -> Iterator[Work]:
             unit_of(number),
             (*powered, sampling(parameters)),
             (Rows(GYRO, record_s, record_s / parameters.sample_interval_s),),
-            before_s + record_s,
+            before_s + record_s + LATE_S,
         )
-    yield Work(OFF, commands=(Power(POWER, False),), duration_s=1.0)
+    yield Work(OFF, commands=(Power(POWER, False),))
 
 
 def records(parameters: StaticParameters, bench: Bench) -> tuple[RecordUse, ...]:

@@ -9,10 +9,11 @@ from station.errors import ConditionNotReached
 
 from .dataset import Array
 from .directions import in_words, up_of
-from .measuring import ACCELEROMETER_BITS, FIRST_LOOK_S, GYRO_BITS, LATE_OUTPUTS_S, Sensing
+from .measuring import ACCELEROMETER_BITS, FIRST_LOOK_S, GYRO_BITS, Sensing
 from .parameters import NineAxisParameters, pose_unit
 from .placing import lay
 from .pose import check_direction
+from .work import LATE_OUTPUTS_S
 
 if TYPE_CHECKING:
     from station.runner.run import Run

@@ -26,7 +26,7 @@ from .parameters import (
 from .placing import put
 from .pose import Pose, check_pose
 from .settings import PoseLimits
-from .work import IMU, TURNTABLE, UP_SENSE, spin
+from .work import EXTRA_S, IMU, LATE_OUTPUTS_S, TURNTABLE, UP_SENSE, spin
 
 if TYPE_CHECKING:
     from station.runner.run import Run
@@ -46,10 +46,6 @@ ACCELEROMETERS = tuple(f"accelerometer_{axis}_g" for axis in "xyz")
 FIRST_LOOK_S = 20.0
 """After so long a pose is judged first: a wrong one must not cost the whole static time."""
 MOVING_LOOK_S = 0.5
-EXTRA_S = 0.1
-"""So much more than the whole turns is recorded, and a reading more."""
-LATE_OUTPUTS_S = 0.2
-"""Outputs of a record's last moments may still be on their way when it ends."""
 LATE = 1.5
 LATE_S = 10.0
 FOLLOWS = 0.5

@@ -15,12 +15,19 @@ from station import registry
 from station.method.commands import Power
 from station.method.motion import AxisAtRate, AxisTo
 from station.method.set_points import Bounded
-from station.method.work import Rows, Work
+from station.method.work import NO_TIME, Duration, Rows, Work, on_the_way
 from station.procedure import Problem, Prompt, RecordUse
 from station.roles.turntable import TableAxes, table_axes, unnamed_axes
 
 from .directions import ending, in_words, table_angles_deg
-from .parameters import FULL_TURN_DEG, NineAxisParameters, Turn, pose_unit, position_unit
+from .parameters import (
+    FULL_TURN_DEG,
+    SHORTEST_READING_S,
+    NineAxisParameters,
+    Turn,
+    pose_unit,
+    position_unit,
+)
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -33,6 +40,10 @@ TURNED_DOWN = ("parameters", "turned_down_rates")
 RATE = "rate"
 CLOSE_S, MOVE_S, SETTLING_S = 10.0, 10.0, 3.0
 USUAL_ACCELERATION_DEG_PER_S2 = 50.0
+EXTRA_S = 0.1
+"""So much more than the whole turns is recorded, and a reading more."""
+LATE_OUTPUTS_S = 0.2
+"""Outputs of a record's last moments may still be on their way when it ends."""
 STANDS = {
     1: "X east, Y north, Z up",
     2: "X south, Y east, Z up",
@@ -149,10 +160,22 @@ def spin(parameters: NineAxisParameters, turn: Turn) -> AxisAtRate:
     )
 
 
-def turn_s(parameters: NineAxisParameters, turn: Turn) -> float:
-    """Return the expected bench time in s of one record on the table."""
-    ramps_s = 2.0 * abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
-    return turn.dwell_s + parameters.settle_s + ramps_s + SETTLING_S
+def record_s(parameters: NineAxisParameters, turn: Turn) -> float:
+    """Return the bench time in s of one record on the table, settling and late outputs included."""
+    beyond_s = SHORTEST_READING_S + turn.reading_interval_s + EXTRA_S + LATE_OUTPUTS_S
+    return parameters.settle_s + turn.dwell_s + beyond_s
+
+
+def moving_s(turn: Turn) -> Duration:
+    """Return the bench time to the rate of a record, and to rest again."""
+    return on_the_way(2.0 * abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2 + SETTLING_S)
+
+
+def resting(parameters: NineAxisParameters, record_s: float, way: Duration) -> Duration:
+    """Return the bench time of a pose beside its first record: a wrong one is measured again."""
+    again = parameters.pose.attempts - 1
+    once_more = parameters.static_settle_s + record_s + LATE_OUTPUTS_S + way.longest_s
+    return way + Duration(0.0, 0.0, again * once_more)
 
 
 def work(parameters: NineAxisParameters) -> Iterator[Work]:
@@ -161,11 +184,13 @@ def work(parameters: NineAxisParameters) -> Iterator[Work]:
     Without a three-axis table a person moves the sensor, and that time is unknown.
     """
     by_table = parameters.positioning == "table"
-    move_s, sample_rate_Hz = MOVE_S if by_table else 0.0, parameters.sample_rate_Hz
+    sample_rate_Hz = parameters.sample_rate_Hz
+    way, closing = (on_the_way(MOVE_S), on_the_way(CLOSE_S)) if by_table else (NO_TIME, NO_TIME)
+    settle_s = parameters.static_settle_s + LATE_OUTPUTS_S
     on = (Power(POWER, True), *(to_zero() if by_table else ()))
-    yield Work("1a", None, on, (), parameters.warm_up_s + (CLOSE_S if by_table else 0.0))
+    yield Work("1a", None, on, (), parameters.warm_up_s, decided=closing)
     for position in parameters.all_positions:
-        rest_s = parameters.static_time_s + parameters.static_settle_s + move_s
+        rest_s = parameters.static_time_s + settle_s
         yield Work(
             "1b",
             position_unit(position),
@@ -175,29 +200,33 @@ def work(parameters: NineAxisParameters) -> Iterator[Work]:
             ),
             (Rows(IMU, rest_s, rest_s * sample_rate_Hz),),
             rest_s,
+            decided=resting(parameters, parameters.static_time_s, way),
         )
     for word in parameters.poses:
-        rest_s = parameters.pose_time_s + parameters.static_settle_s + move_s
+        rest_s = parameters.pose_time_s + settle_s
         yield Work(
             "1b",
             pose_unit(word),
             (*(to_up(word) if by_table else ()), Bounded(IMU, f"{in_words(word)}: record")),
             (Rows(IMU, rest_s, rest_s * sample_rate_Hz),),
             rest_s,
+            decided=resting(parameters, parameters.pose_time_s, way),
         )
     if not by_table:
-        yield Work("2a", None, to_zero(), (), CLOSE_S)
+        yield Work("2a", None, to_zero(), (), decided=on_the_way(CLOSE_S))
     for word in parameters.all_turned:
         if by_table:
-            yield Work("2a", None, to_up(word), (), MOVE_S)
+            yield Work("2a", None, to_up(word), (), decided=way)
         for turn in parameters.all_turns:
             if turn.axis == word:
-                spin_s = turn_s(parameters, turn)
+                recorded_s, moving = record_s(parameters, turn), moving_s(turn)
+                spin_s = recorded_s + moving.expected_s
                 rows = (
                     Rows(IMU, spin_s, spin_s * sample_rate_Hz),
                     Rows(TURNTABLE, spin_s, turn.dwell_s / turn.reading_interval_s),
                 )
-                yield Work("2a", turn.unit, (spin(parameters, turn),), rows, spin_s)
+                turning = (spin(parameters, turn),)
+                yield Work("2a", turn.unit, turning, rows, recorded_s, decided=moving)
     yield Work("2b", commands=(Power(POWER, False),))
 
 

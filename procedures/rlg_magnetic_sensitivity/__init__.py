@@ -228,7 +228,7 @@ def first(part: Callable[[Run, PlannedRecord], None]) -> Callable[[Run], None]:
 
 STEPS = (
     Step("S1", "Mount the gyro in the centre of the coil", mount),
-    Step("S2", "Connect the cables, identify the instruments", connect, lambda _: 1.0),
+    Step("S2", "Connect the cables, identify the instruments", connect),
     Step("S3.1", "Switch the gyro on and warm it up", warm_up),
     Step("S3.2", "Drive coil X with a sine of frequency f and amplitude M", first(drive)),
     Step("S4", "Record N samples of the gyro, and the field", first(record)),

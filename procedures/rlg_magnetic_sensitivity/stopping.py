@@ -17,7 +17,13 @@ from procedures.rlg_magnetic_sensitivity.records import (
     reading_back_s,
     sensitivity_records,
 )
-from procedures.rlg_magnetic_sensitivity.work import GYRO, POWER, WARM_UP, gyro_sampling
+from procedures.rlg_magnetic_sensitivity.work import (
+    GYRO,
+    POWER,
+    WARM_UP,
+    WARM_UP_LOOKS_EVERY_S,
+    gyro_sampling,
+)
 from station.console import span
 from station.errors import ConditionNotReached
 from station.method.commands import Power
@@ -36,7 +42,6 @@ it, it is rather too small than too large."""
 CLEAR = 3.0
 """Standard uncertainties between a value and every limit that make a decision early."""
 LONGEST_GROWTH, SHORTEST_GROWTH = 1.5, 1.2
-WARM_UP_LOOKS_EVERY_S = 30.0
 
 
 @dataclass(frozen=True)

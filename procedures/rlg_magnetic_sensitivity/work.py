@@ -16,7 +16,14 @@ from station import registry
 from station.console import span
 from station.method.commands import CoilOff, FieldRange, GyroSampling, Power, SineField
 from station.method.set_points import Bounded
-from station.method.work import Rows, Work, reading_period_s
+from station.method.work import (
+    POLL_S,
+    Duration,
+    Rows,
+    Work,
+    on_the_way,
+    reading_period_s,
+)
 from station.procedure import Problem, RecordUse
 
 if TYPE_CHECKING:
@@ -25,7 +32,8 @@ if TYPE_CHECKING:
 GYRO, POWER, GAUSSMETER = "gyro_acquisition", "dut_power", "gaussmeter"
 WARM_UP = "warm-up"
 AMPLITUDE = ("parameters", "amplitude")
-UPLOAD_S, RAMP_DOWN_S = 5.0, 6.0
+UPLOAD_S, RAMP_DOWN_S = 5.0, 1.0
+WARM_UP_LOOKS_EVERY_S = 30.0
 WARM_UP_WINDOWS = 1.3
 """So many windows the warm-up is expected to take."""
 FIELD_HEADROOM = 1.5
@@ -78,13 +86,14 @@ def sines(planned: PlannedRecord) -> dict[str, SineField]:
 def work(parameters: RlgParameters) -> Iterator[Work]:
     """Yield the warm-up, each record with its field, and the end; S8 repeats S3 and S4."""
     interval_s = parameters.sample_interval_s
-    warm_s = WARM_UP_WINDOWS * parameters.warm_up.window_s
+    rule = parameters.warm_up
+    warm_s = min(WARM_UP_WINDOWS * rule.window_s, rule.at_most_s)
     yield Work(
         "S3.1",
         WARM_UP,
         (Power(POWER, True), gyro_sampling(parameters)),
         (Rows(GYRO, warm_s, warm_s / interval_s),),
-        warm_s,
+        decided=Duration(warm_s, rule.window_s, rule.at_most_s + WARM_UP_LOOKS_EVERY_S + POLL_S),
     )
     for number, planned in enumerate(all_records(parameters)):
         drive, record = ("S8", "S8") if number else ("S3.2", "S4")
@@ -93,9 +102,13 @@ def work(parameters: RlgParameters) -> Iterator[Work]:
             drive,
             planned.unit,
             (field_range(parameters, planned), *sines(planned).values()),
-            duration_s=UPLOAD_S * coils + (parameters.settle_s if coils else 0.0),
+            duration_s=parameters.settle_s if coils else 0.0,
+            decided=on_the_way(UPLOAD_S * coils),
         )
         longer = f" to {planned.most}" if planned.most > planned.samples else ""
+        longer_s = (planned.most - planned.samples) * interval_s
+        # A record is seen to be long enough at the look after its last sample.
+        lasts_longer = Duration(longer_s + POLL_S / 2.0, 0.0, longer_s + 2.0 * POLL_S)
         yield Work(
             record,
             planned.unit,
@@ -104,9 +117,19 @@ def work(parameters: RlgParameters) -> Iterator[Work]:
                 *(CoilOff(coil_supply(axis)) for axis in planned.energised),
             ),
             (Rows(GYRO, record_s, planned.most), Rows(GAUSSMETER, record_s)),
-            record_s + RAMP_DOWN_S * coils,
+            planned.samples * interval_s,
+            decided=sum((off_s(planned, axis) for axis in planned.energised), lasts_longer),
         )
-    yield Work("S9", commands=(Power(POWER, False),), duration_s=1.0)
+    yield Work("S9", commands=(Power(POWER, False),))
+
+
+def off_s(planned: PlannedRecord, axis: str) -> Duration:
+    """Return how long a coil takes to be off: its sine goes on to a zero, then the rest is ramped.
+
+    That zero is a quarter of a period away in the mean, and half of one at most.
+    """
+    period_s = 1.0 / planned.drive[axis].frequency_Hz
+    return Duration(period_s / 4.0, 0.0, period_s / 2.0) + on_the_way(RAMP_DOWN_S)
 
 
 def held_bytes(parameters: RlgParameters, bench: Bench) -> int:

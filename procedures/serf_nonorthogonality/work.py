@@ -20,7 +20,7 @@ from station.method.cell_commands import (
     coil_voltage_V,
     constant_of,
 )
-from station.method.work import Rows, Work
+from station.method.work import NO_TIME, Duration, Rows, Work
 from station.procedure import Problem, RecordUse
 from station.report.numbers import format_number
 from station.units import parse_as
@@ -50,7 +50,8 @@ CHANNELS: Mapping[str, tuple[str, int]] = {
 }
 """The generator and the channel at each coil, as the names of the instances say."""
 FIELD = ("parameters", "field")
-SHOT_EXTRA_S = 0.1
+SHOT_EXTRA_S = 0.05
+"""From the trigger to the dark, twice, and what it takes to ask for the record."""
 NULLING_SHOTS, USUAL_ROUNDS = 14, 2
 NULLING_MARGIN = 2.0
 """Rounds of nulling correct each other: no more than so many times `at_most` is held."""
@@ -234,30 +235,54 @@ def nulled_fields(parameters: SerfParameters) -> tuple[NulledCellFields, ...]:
 
 
 def shot_s(parameters: SerfParameters) -> float:
-    """Return the expected bench time in s of one shot."""
-    return parameters.pump_s + parameters.record_s + SHOT_EXTRA_S
+    """Return the least bench time in s of one shot; beside it the record is waited for."""
+    return parameters.pump_s + parameters.record_s
+
+
+def shots_s(parameters: SerfParameters, least: int, expected: int, most: int) -> Duration:
+    """Return how long shots take whose number the data decide."""
+    each_s = shot_s(parameters)
+    return Duration(
+        expected * (each_s + SHOT_EXTRA_S), least * each_s, most * (each_s + 2.0 * SHOT_EXTRA_S)
+    )
 
 
 def work(parameters: SerfParameters) -> Iterator[Work]:
     """Yield the depolarisation, the nulling, each shot, and the end."""
-    one_s, rule = shot_s(parameters), parameters.depolarise
+    rule, nulling = parameters.depolarise, parameters.nulling
     gradient = (held("gradient", rule.gradient_nT_per_cm),) if parameters.gyro_was_running else ()
     yield Work(
         "1",
         commands=(PumpLight(PUMP, True), *gradient),
-        duration_s=rule.duration_s + one_s if gradient else 1.0,
+        decided=depolarising_s(parameters) if gradient else NO_TIME,
     )
-    rounds = min(parameters.nulling.rounds, USUAL_ROUNDS)
+    rounds = min(nulling.rounds, USUAL_ROUNDS)
     yield Work(
         "2",
         commands=nulled_fields(parameters) if rounds else (),
-        duration_s=rounds * NULLING_SHOTS * one_s,
+        decided=shots_s(
+            parameters,
+            min(rounds, 1) * NULLING_SHOTS,
+            rounds * NULLING_SHOTS,
+            nulling.rounds * NULLING_SHOTS,
+        ),
     )
-    rows = Rows(DIGITIZER, one_s, parameters.record_s * parameters.sample_rate_Hz)
+    taken = shots_s(parameters, 1, 1, parameters.repeats + 1)
+    rows = Rows(DIGITIZER, taken.expected_s, parameters.record_s * parameters.sample_rate_Hz)
     for number, shot in enumerate(parameters.wanted):
         step = ("3", "5")[number] if number < 2 else "7"
-        yield Work(step, shot.id, fields_of(shot, parameters), (rows,), one_s)
+        yield Work(step, shot.id, fields_of(shot, parameters), (rows,), decided=taken)
     yield Work("7", commands=(PumpLight(PUMP, False),))
+
+
+def depolarising_s(parameters: SerfParameters) -> Duration:
+    """Return how long the gradient acts, and the nuclei are looked for, until none are seen."""
+    rule, look = parameters.depolarise, shots_s(parameters, 1, 1, 1)
+    return Duration(
+        rule.duration_s + look.expected_s,
+        rule.duration_s + look.shortest_s,
+        rule.rounds * (rule.duration_s + look.longest_s),
+    )
 
 
 def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:

@@ -30,7 +30,7 @@ def main() -> None:
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
     from station.cli.app import app
     from station.console import tell
-    from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError
+    from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError, reason_of
     from station.packages import clashes, why_broken
 
     try:
@@ -57,7 +57,7 @@ def main() -> None:
         if is_lack_of_memory(error):
             tell(NO_MEMORY)
             _exit(NO_MEMORY, EXIT_FAULT)
-        message = f"a fault of the program: {error!r}"
+        message = f"a fault of the program: {reason_of(error)}"
         tell(f"{message}; set {SHOW_TRACEBACK}=1 and run again to see where")
         _exit(message, EXIT_FAULT)
     except KeyboardInterrupt:

@@ -8,7 +8,7 @@ from typing import Any
 
 from station.console import tell
 from station.dataset_reading import read_dataset
-from station.errors import DamagedRecord, InputError
+from station.errors import DamagedRecord, InputError, reason_of
 from station.files.lookup import is_there
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
@@ -94,7 +94,8 @@ def stored_results(folder: RunFolder) -> dict[str, Any]:
         largest_difference(old, old)
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise DamagedRecord(
-            f"{stored} was altered: it is no result document ({error!r}); leave --compare out"
+            f"{stored} was altered: it is no result document ({reason_of(error)}); "
+            "leave --compare out"
         ) from error
     return old
 

@@ -36,6 +36,7 @@ from station.runner.resuming import ResumeRequest, resume
 if TYPE_CHECKING:
     from station.files.plan import Plan
     from station.instruments.bench import Bench
+    from station.method.work import Duration
 
 
 # `station run`.
@@ -299,14 +300,18 @@ def dry_run_lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
     yield f"{title}: {plan.dut.model} {plan.dut.serial}, bench {bench.name}"
     yield "step   begins at    takes"
     for step in walked.steps:
-        when = f"{span(step.starts_s):<12} {span(step.expected_s):<12}"
+        when = f"{span(step.starts_s):<12} {span(step.duration.expected_s):<12}"
         yield f"{step.step:<6} {when} {step.title}"
+        if not step.duration.is_certain:
+            yield f"{'':<33}takes {bounds_in_words(step.duration)}"
         for words, _ in groupby(f"{point.instrument}: {point.text}" for point in step.set_points):
             yield f"{'':<33}{words}"
     yield ""
     for extreme in walked.extremes:
         yield summary_line(f"{extreme.which} {extreme.quantity}", extreme_in_words(extreme))
-    yield summary_line("expected duration", f"{span(walked.expected_s)} of bench time")
+    between = "" if walked.duration.is_certain else f", {bounds_in_words(walked.duration)}"
+    expected = span(walked.duration.expected_s)
+    yield summary_line("expected duration", f"{expected} of bench time{between}")
     yield summary_line("estimated end", estimated_end(walked))
     disk = walked.disk
     needed, free = in_bytes(disk.needed_bytes), in_bytes(disk.free_bytes)
@@ -321,6 +326,11 @@ def dry_run_lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
         "memory needed", f"about {in_bytes(memory.needed_bytes)} to evaluate{fitted}"
     )
     yield "dry run: no instrument was opened and nothing was written"
+
+
+def bounds_in_words(duration: Duration) -> str:
+    """Return between which bounds a duration lies: `2 min 00 s to 5 min 00 s`."""
+    return f"{span(duration.shortest_s)} to {span(duration.longest_s)}"
 
 
 def summary_line(name: str, text: str) -> str:

@@ -51,7 +51,7 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
     """Return a plan that can run on the bench; FaultList holds every reason why it cannot."""
     plan = read_plan(find(PLANS, name), Procedures(), overrides)
     procedure = procedure_of(plan.procedure)
-    expected_s = procedure.duration_s(plan.parameters)
+    expected_s = procedure.duration(plan.parameters).expected_s
     if not expected_s <= LONGEST_S:
         what = f"the plan takes {span(expected_s)} of bench time, more than {LONGEST}; divide it"
         raise FaultList([plan.fault(("parameters",), what)])
@@ -87,7 +87,8 @@ def read_served(path: Path) -> dict[str, Any]:
 def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
     """Return what a plan takes, what it determines, and its warnings.
 
-    It takes `expected_s` of bench time, and `memory_bytes` of this computer for its evaluation.
+    It takes `expected_s` of bench time, between `shortest_s` and `longest_s`, and `memory_bytes` of
+    this computer for its evaluation.
     """
     procedure = procedure_of(plan.procedure)
     memory = memory_of(procedure.forecast(plan.parameters, bench))
@@ -98,7 +99,7 @@ def outlook_of(plan: Plan, bench: Bench) -> dict[str, Any]:
     )
     return {
         "plan": str(plan.path),
-        "expected_s": round(procedure.duration_s(plan.parameters), 3),
+        **procedure.duration(plan.parameters).to_data(),
         "memory_bytes": memory.needed_bytes,
         "determines": list(procedure.outlook(plan.parameters)),
         "warnings": [warning.sentence for warning in warned],

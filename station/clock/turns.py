@@ -10,6 +10,7 @@ from operator import attrgetter
 from threading import Lock, Thread, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
+from station.errors import reason_of
 
 SERVES, NAMED = 0, 1
 """The first part of a participant's order."""
@@ -96,6 +97,8 @@ class Turns:
         self.passed = 0
         self.stopping = False
         self.failure: str | None = None
+        self.cause: Exception | None = None
+        """What made it, whose traceback belongs into the log."""
         self.stuck: str | None = None
         self._sequence = count()
 
@@ -171,7 +174,7 @@ class Turns:
         except ClockStopped:
             pass
         except Exception as error:
-            self.fail(f"{stepper.name} has failed: {error!r}")
+            self.fail(f"{stepper.name} has failed: {reason_of(error)}", error)
         finally:
             with self.mutex:
                 if next_s is not None and not self.stopping:
@@ -189,7 +192,7 @@ class Turns:
     def raise_failure(self) -> None:
         """Raise what made time stand still, if anything did (mutex not held)."""
         if self.failure is not None:
-            raise ClockError(self.failure)
+            raise ClockError(self.failure) from self.cause
 
     def raise_stuck(self) -> None:
         """Raise, once, in the main thread what a signal asks for; the others go on."""
@@ -222,9 +225,9 @@ class Turns:
             participant.turn.release()
         self.pass_on()
 
-    def fail(self, message: str) -> None:
+    def fail(self, message: str, cause: Exception | None = None) -> None:
         """Raise ClockError in every thread that waits, now or later."""
-        self.failure = message
+        self.failure, self.cause = message, cause
 
     def describe(self) -> str:
         """Return who runs, who waits for what, and what is in flight."""

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from station.clock.base import Attendant, Wire
 from station.clock.turns import CALLED, SERVES, Participant, Turns
+from station.errors import reason_of
 
 MOST_LOOKS = 20
 """So often a reader that finds nothing looks again for what was written."""
@@ -141,7 +142,7 @@ class VirtualWire(Wire):
                         self._count(self._unread())
                     attendant.dismissed()
         except Exception as error:  # whoever asks must not wait for an answer that never comes
-            self._turns.fail(f"{self._address} has failed: {error!r}")
+            self._turns.fail(f"{self._address} has failed: {reason_of(error)}", error)
         finally:
             self._clock.swap(sender)
 

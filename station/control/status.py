@@ -284,6 +284,8 @@ def in_words(event: Event) -> str:
             return f"{details['unit']} is being recorded"
         case "unit-finished":
             return f"{details['unit']} is recorded"
+        case "failed":
+            return str(details["message"])
         case "run-ended":
             if details.get("complete"):
                 return "all steps are done"

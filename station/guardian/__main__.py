@@ -20,6 +20,7 @@ def main() -> int:
     for name in POLITE:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+    from station.errors import reason_of
     from station.guardian.messages import Channel, given_by_parent
     from station.guardian.notes import Words
 
@@ -29,8 +30,8 @@ def main() -> int:
     try:
         return watch(run, words)
     except Exception as error:  # the other guardian, or a new one, does what this one cannot
-        run.send({"failed": str(error) or repr(error)})
-        words.tell(f"a fault of the program: {error!r}")
+        run.send({"failed": reason_of(error)})
+        words.tell(f"a fault of the program: {reason_of(error)}")
         words.finish(LAST_WORDS_S)
         return 3
 

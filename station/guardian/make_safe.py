@@ -16,7 +16,7 @@ from typing import Any
 
 from station import registry
 from station.clock import RealClock
-from station.errors import EXIT_DONE, EXIT_FAULT, StationError
+from station.errors import EXIT_DONE, EXIT_FAULT, StationError, reason_of
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import LEAVE, AtWork, Background, Notes, WordOfWork, Words
 from station.guardian.opening import OPENS_WITHIN_S, Reopening, rehearse
@@ -172,7 +172,7 @@ class MakeSafe:
         try:
             return self._bystanders.read(names)
         except Exception as error:  # what the run used is safe, whatever this says
-            why = f"{self._bench.name}: {error!r}"
+            why = f"{self._bench.name}: {reason_of(error)}"
             others = [
                 instrument for instrument in self._bench.instruments if instrument not in names
             ]
@@ -221,7 +221,7 @@ class MakeSafe:
         try:
             return self._attempt(names)
         except Exception as error:
-            fault = f"a fault of the program: {error!r}"
+            fault = f"a fault of the program: {reason_of(error)}"
             return {name: SafeOutcome(name, False, fault, 0.0) for name in names}
 
     def _attempt(self, names: Sequence[str]) -> dict[str, SafeOutcome]:

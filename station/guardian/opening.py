@@ -14,6 +14,7 @@ from contextlib import suppress
 from threading import Thread
 
 from station.clock import Clock, RealClock
+from station.errors import reason_of
 from station.guardian.notes import started
 from station.instruments.bench import Bench
 from station.instruments.instrument_locks import InstrumentLocks
@@ -52,7 +53,8 @@ class Opening:
         try:
             self.probe = open_one(self._name, *self._what, locks=self._locks)
         except Exception as error:  # a fault of one driver keeps no other from its work
-            self.probe = Probe(self._name, False, f"{self._name}: a fault of its driver: {error!r}")
+            why = f"{self._name}: a fault of its driver: {reason_of(error)}"
+            self.probe = Probe(self._name, False, why)
 
 
 class Reopening:

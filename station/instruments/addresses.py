@@ -22,6 +22,7 @@ USB = re.compile(r"usb(\d*)::(\w+)::(\w+)::([^:]+)(?:::(\d+))?(?:::instr)?")
 VXI = re.compile(r"tcpip\d*::([^:]+|\[.*\])(?:::([^:]+))?::instr")
 SOCKET = re.compile(r"tcpip\d*::(.+)::(\d+)::socket")
 
+HEXADECIMAL = re.compile(r"0x[0-9a-f]+")
 NUMBER_16 = r"(?:0x[0-9a-f]{1,4}|\d{1,5})"
 VISA_NAMES = {
     "GPIB": (
@@ -165,12 +166,10 @@ def forms_of(address: str) -> frozenset[str]:
         device = match[2] or "inst0"
         return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(match[1]))
     if match := GPIB.fullmatch(lowered):
-        return frozenset({f"gpib{match[1] or 0}::{match[2]}"})
+        return frozenset({f"gpib{number_form(match[1] or '0')}::{match[2]}"})
     if match := USB.fullmatch(lowered):
-        maker, model = (
-            int(part, 0) if part[0].isdigit() else part for part in (match[2], match[3])
-        )
-        return frozenset({f"usb::{maker}::{model}::{match[4]}::{match[5] or 0}"})
+        maker, model = number_form(match[2]), number_form(match[3])
+        return frozenset({f"usb::{maker}::{model}::{match[4]}::{number_form(match[5] or '0')}"})
     if "://" in text:
         return url_forms(text)
     name = text[4:].split("::")[0] if lowered.startswith("asrl") else text
@@ -193,6 +192,13 @@ def url_forms(address: str) -> frozenset[str]:
 def tcp_forms(host: str, port: int) -> frozenset[str]:
     """Return what a TCP port of a host stands for."""
     return frozenset(f"tcp {form} {port}" for form in hosts(host))
+
+
+def number_form(text: str) -> str:
+    """Return a number without zeros before it, and in tens; what is no number as it stands."""
+    if HEXADECIMAL.fullmatch(text):
+        return str(int(text, 16))
+    return text.lstrip("0") or "0" if text.isdecimal() else text
 
 
 def port_form(name: str) -> str:

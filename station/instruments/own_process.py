@@ -7,6 +7,8 @@ import subprocess
 import sys
 from typing import Any
 
+TRACEBACK = "Traceback (most recent call last)"
+
 
 def asked_alone(program: str, argument: str, within_s: float) -> tuple[list[Any], str]:
     """Return what a Python program prints, a JSON value a line, and why there is no more of it.
@@ -28,8 +30,11 @@ def asked_alone(program: str, argument: str, within_s: float) -> tuple[list[Any]
         return [], str(error)
     if ended.returncode == 0:
         return values_of(ended.stdout), ""
-    last = ended.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
-    return values_of(ended.stdout), last[0] if last else f"it ended with code {ended.returncode}"
+    said = ended.stderr.decode("utf-8", "replace").strip()
+    last = said.splitlines()[-1] if said else f"it ended with code {ended.returncode}"
+    if said.startswith(TRACEBACK):  # which ends with a class and what the error says
+        last = last.partition(": ")[2] or "it gives no reason"
+    return values_of(ended.stdout), last
 
 
 def values_of(printed: bytes) -> list[Any]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.clock import Clock, RealClock
-from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse
+from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse, reason_of
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import LOOK, Identified, open_one, take_lock
 from station.roles.base import MadeSafe
@@ -220,7 +220,7 @@ class Bystanders:
             except InstrumentError as error:
                 return LeftOut(name, why_left_out(error), str(error))
             except Exception as error:  # a fault of one driver keeps no other from being read
-                return LeftOut(name, "cannot be read", f"{name}: {error!r}")
+                return LeftOut(name, "cannot be read", f"{name}: {reason_of(error)}")
 
     def _read_or_raise(self, name: str) -> SafeOutcome | LeftOut | None:
         began_s = self.clock.now()

@@ -26,6 +26,40 @@ USUAL_AVERAGING_S = 0.1
 
 
 @dataclass(frozen=True)
+class Duration:
+    """Bench time in s that something is expected to take, and between which bounds it does."""
+
+    expected_s: float = 0.0
+    shortest_s: float = 0.0
+    longest_s: float = 0.0
+
+    def __add__(self, other: Duration) -> Duration:
+        """Return what one after the other takes."""
+        return Duration(
+            self.expected_s + other.expected_s,
+            self.shortest_s + other.shortest_s,
+            self.longest_s + other.longest_s,
+        )
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether it takes what is expected, whatever data and instruments say."""
+        return self.longest_s - self.shortest_s < 1e-6
+
+    def to_data(self) -> dict[str, float]:
+        """Return it as plain data."""
+        return {name: round(value, 6) for name, value in vars(self).items()}
+
+
+NO_TIME = Duration()
+
+
+def on_the_way(expected_s: float) -> Duration:
+    """Return how long an instrument takes to where it is sent: nothing at all, or twice as long."""
+    return Duration(expected_s, 0.0, 2.0 * expected_s)
+
+
+@dataclass(frozen=True)
 class Rows:
     """The rows that a source gives over `duration_s` of bench time.
 
@@ -43,9 +77,10 @@ class Rows:
 class Work:
     """What a step does for a unit of work, or, without a unit, beside them.
 
-    `duration_s` is the bench time that it is expected to take. A unit may spread over steps: each
-    gives its own part. What `repeats` is done again as often as the data decide, under names that
-    nobody knows before; its rows and its time are those of all repetitions.
+    It takes `duration_s` of bench time, and beside it what data or instruments have `decided`. A
+    unit may spread over steps: each gives its own part. What `repeats` is done again as often as
+    the data decide, under names that nobody knows before; its rows and its time are those of all
+    repetitions.
     """
 
     step: str
@@ -54,6 +89,12 @@ class Work:
     rows: tuple[Rows, ...] = ()
     duration_s: float = 0.0
     repeats: bool = False
+    decided: Duration = NO_TIME
+
+    @property
+    def duration(self) -> Duration:
+        """How long it takes."""
+        return Duration(self.duration_s, self.duration_s, self.duration_s) + self.decided
 
 
 @dataclass(frozen=True)
@@ -88,7 +129,7 @@ def unit_durations_s(work: Iterable[Work]) -> dict[str, float]:
     durations_s: dict[str, float] = {}
     for part in work:
         if part.unit is not None:
-            durations_s[part.unit] = durations_s.get(part.unit, 0.0) + part.duration_s
+            durations_s[part.unit] = durations_s.get(part.unit, 0.0) + part.duration.expected_s
     return durations_s
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from station.errors import StationError
+from station.errors import StationError, reason_of
 from station.reanalysis.recall import Recall
 from station.record.folder import RESULTS, RunFolder
 from station.record.recorded import read_plan_and_bench, used_instruments
@@ -45,7 +45,7 @@ def rows_of_run(path: str, recall: Recall | None = None) -> list[Row]:
             about["recalled"] = ", ".join(recalled)
         document, _ = evaluate_run(folder, recall.applied if recall else None)
     except (StationError, OSError, ValueError, LookupError, TypeError) as error:
-        return [{**about, "error": " ".join(str(error).split()) or repr(error)}]
+        return [{**about, "error": reason_of(error)}]
     about |= {
         "verdict": document.verdict,
         "flags": ", ".join(dict.fromkeys(flag.code for flag in document.flags)),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.clock import system_clock_synchronised, utc_now
+from station.method.work import NO_TIME, Duration
 from station.procedure import procedure_of
 from station.runner.preflight import (
     fault_of_output,
@@ -48,12 +49,12 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Walked:
-    """One step of a dry run: when it begins and how long it takes, s of bench time."""
+    """One step of a dry run: when it is expected to begin, s of bench time, how long it takes."""
 
     step: str
     title: str
     starts_s: float
-    expected_s: float
+    duration: Duration
     set_points: tuple[SetPoint, ...]
 
 
@@ -63,7 +64,7 @@ class DryRun:
 
     steps: tuple[Walked, ...]
     extremes: tuple[Extreme, ...]
-    expected_s: float
+    duration: Duration
     speed: float | None
     ends_utc: datetime | None
     disk: Disk
@@ -74,11 +75,17 @@ class DryRun:
         """Return the walk as plain data; a set-point holds what concerns it only."""
         return {
             "steps": [
-                {**vars(step), "set_points": [given(point) for point in step.set_points]}
+                {
+                    "step": step.step,
+                    "title": step.title,
+                    "starts_s": step.starts_s,
+                    **step.duration.to_data(),
+                    "set_points": [given(point) for point in step.set_points],
+                }
                 for step in self.steps
             ],
             "extremes": [vars(extreme) for extreme in self.extremes],
-            "expected_s": self.expected_s,
+            **self.duration.to_data(),
             "speed": self.speed,
             "estimated_end_utc": self.ends_utc and self.ends_utc.isoformat(timespec="seconds"),
             "disk": {
@@ -100,26 +107,26 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
     foreseen = procedure.forecast(plan.parameters, bench)
     clock = clock_for(bench, served)
     steps: list[Walked] = []
-    starts_s = 0.0
-    for step, expected_s in procedure.timed_steps(plan.parameters):
+    whole = NO_TIME
+    for step, duration in procedure.timed_steps(plan.parameters):
         points = tuple(point for point in foreseen.set_points if point.step == step.number)
-        steps.append(Walked(step.number, step.title, starts_s, expected_s, points))
-        starts_s += expected_s
+        steps.append(Walked(step.number, step.title, whole.expected_s, duration, points))
+        whole += duration
     disk, memory = disk_of(foreseen, bench, output, clock), memory_of(foreseen)
     speed: float | None = getattr(clock, "speed", None)
     return DryRun(
         steps=tuple(steps),
         extremes=tuple(extremes(foreseen.set_points, bench)),
-        expected_s=starts_s,
+        duration=whole,
         speed=speed,
-        ends_utc=ends_utc(starts_s, speed),
+        ends_utc=ends_utc(whole.expected_s, speed),
         disk=disk,
         memory=memory,
         warnings=(
             *(warning.sentence for warning in warned_of_memory(memory)),
             *(warning.sentence for warning in warned_of_limits(plan, procedure)),
             *(warning.sentence for warning in warned_of_records(plan, procedure, bench)),
-            *warnings(disk, output, starts_s, real=is_real(bench, served)),
+            *warnings(disk, output, whole.expected_s, real=is_real(bench, served)),
         ),
     )
 

@@ -93,7 +93,7 @@ def execute(request: Request) -> Outcome:
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         announce_folder(request.announce, record.path)
-        expected_s = procedure.duration_s(plan.parameters)
+        expected_s = procedure.duration(plan.parameters).expected_s
         units = procedure.expected_units(plan.parameters)
         with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
@@ -125,7 +125,7 @@ def announce_folder(place: Path | None, folder: Path) -> None:
 
 
 def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str, Any]:
-    """Return the details of the event `run-started`; durations are expected bench time in s.
+    """Return the details of the event `run-started`; durations are bench time in s.
 
     `speed` is how many times as fast as real time the run goes, None where waiting is skipped.
     """
@@ -133,12 +133,8 @@ def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str,
         "procedure": plan.procedure,
         "dut": {"model": plan.dut.model, "serial": plan.dut.serial},
         "steps": [
-            {
-                "step": step.number,
-                "title": step.title,
-                "expected_s": round(expected_s, 3),
-            }
-            for step, expected_s in procedure.timed_steps(plan.parameters)
+            {"step": step.number, "title": step.title, **duration.to_data()}
+            for step, duration in procedure.timed_steps(plan.parameters)
         ],
         "units": list(procedure.units(plan.parameters)),
         "units_expected": procedure.expected_units(plan.parameters),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.clock import ClockError
-from station.errors import EXIT_FAULT, StationError, place_of
+from station.errors import EXIT_FAULT, StationError, place_of, reason_of
 
 if TYPE_CHECKING:
     from station.instruments.whole_bench import LeftOut
@@ -79,7 +79,7 @@ def in_one_sentence(error: Exception) -> str:
     if is_lack_of_memory(error):
         return f"{NO_MEMORY}, then go on with `station resume`"
     known = isinstance(error, StationError | ClockError)
-    return str(error) if known else f"a fault of the program: {error!r}{place_of(error)}"
+    return str(error) if known else f"a fault of the program: {reason_of(error)}{place_of(error)}"
 
 
 def is_lack_of_memory(error: BaseException | None) -> bool:

@@ -54,7 +54,7 @@ def look_before_a_run(
         if disk.too_small:
             raise RecordError(disk.sentence())
         warned += warned_of_memory(memory_of(foreseen))
-    expected_s = procedure.duration_s(plan.parameters)
+    expected_s = procedure.duration(plan.parameters).expected_s
     synchronised = system_clock_synchronised()
     return [
         *warned,

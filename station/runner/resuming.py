@@ -111,7 +111,7 @@ def resume(request: ResumeRequest) -> Outcome:
         record = RunRecord.go_on(folder.path, clock)
         outcome = Outcome(record.path)
         announce_folder(request.announce, record.path)
-        expected_s = procedure.duration_s(plan.parameters)
+        expected_s = procedure.duration(plan.parameters).expected_s
         expected = procedure.expected_units(plan.parameters)
         units = {unit: s for unit, s in expected.items() if unit not in past.finished}
         with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:

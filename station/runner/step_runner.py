@@ -112,8 +112,8 @@ class StepRunner:
                 if self._first is not None:
                     run.ask_again(self._first)
                 run.envelope = self._procedure.envelope(run.parameters, run.bench)
-                for step, expected_s in self._procedure.timed_steps(run.parameters):
-                    run.do(step.number, step.title, expected_s, step.body)
+                for step, duration in self._procedure.timed_steps(run.parameters):
+                    run.do(step.number, step.title, duration.expected_s, step.body)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
                 self._ballast.clear()

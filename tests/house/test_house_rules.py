@@ -168,11 +168,6 @@ def test_only_the_clock_asks_the_operating_system_for_the_time() -> None:
         assert not [call for call in CLOCK if call + "(" in text], path
 
 
-def test_no_file_is_longer_than_a_reader_can_hold() -> None:
-    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
-    assert not [path for path, length in lengths.items() if length > 350]
-
-
 WORD = re.compile(r"[a-z]+")
 TELL_NOTHING = {"one", "found", "stand", "course"}
 """A name states what the thing is: an instrument, an event, a match, a trajectory."""

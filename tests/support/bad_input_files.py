@@ -9,6 +9,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
+from for_people import need_sentences
 
 from station.cli import main
 
@@ -26,4 +27,5 @@ def here(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
             main()
     code = ended.value.code
     assert isinstance(code, int)
+    need_sentences(out.getvalue() + err.getvalue(), f"station {' '.join(words)}")
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from command_line import station_command
+from for_people import need_sentences
 from mcap.exceptions import McapError
 from mcap.stream_reader import StreamReader
 from quick_yaml import dump_yaml, load_yaml
@@ -60,10 +61,12 @@ def short_plan(folder: Path, **parameters: Any) -> Path:
 
 
 def station(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Do a verb in a process of its own."""
-    return subprocess.run(
+    """Do a verb in a process of its own; what it says is held to be sentences for a person."""
+    done = subprocess.run(
         station_command(*arguments), capture_output=True, text=True, encoding="utf-8", check=False
     )
+    need_sentences(done.stdout + done.stderr, f"station {' '.join(map(str, arguments))}")
+    return done
 
 
 def finished_run(parent: Path, axes: list[str]) -> Path:

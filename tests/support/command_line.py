@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import IO
 
+from for_people import need_sentences
+
 PLAN = """\
 plan: 1
 procedure: rlg-magnetic-sensitivity
@@ -36,8 +38,8 @@ def sim_command(bench: str | Path, *options: str | float) -> list[str]:
 
 
 def station(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Do a verb in a folder."""
-    return subprocess.run(
+    """Do a verb in a folder; what it says is held to be sentences for a person."""
+    done = subprocess.run(
         station_command(*arguments),
         cwd=folder,
         capture_output=True,
@@ -48,6 +50,8 @@ def station(folder: Path, *arguments: str, **environment: str) -> subprocess.Com
         env={**os.environ, **environment},
         timeout=120,
     )
+    need_sentences(done.stdout + done.stderr, f"station {' '.join(arguments)}")
+    return done
 
 
 def begun(

@@ -28,7 +28,7 @@ from pathlib import Path
 from places import ROOT
 
 BLOCK = re.compile(
-    r"^<!-- ([a-z]+)(?:: (.*?))? -->\n```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL
+    r"^<!-- ([a-z]+)(?:: ([^\n]*?))? -->\n```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL
 )
 MARKS = {"file", "more", "replace", "run", "background", "python"}
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from command_line import station_command
+from for_people import need_sentences
 
 LIMITED = """
 import os, resource, sys
@@ -24,10 +25,12 @@ half of a compiled module behind, for whoever comes next."""
 def limited(largest_file_bytes: int, plan: Path, output: Path) -> subprocess.CompletedProcess[str]:
     """Run a plan in a process whose files may not grow beyond a size."""
     arguments = station_command("run", plan, "--non-interactive", "--json", "--output", output)[3:]
-    return subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", LIMITED, str(largest_file_bytes), *arguments],
         capture_output=True,
         text=True,
         encoding="utf-8",
         check=False,
     )
+    need_sentences(done.stdout + done.stderr, "station run")
+    return done

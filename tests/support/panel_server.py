@@ -14,6 +14,7 @@ from threading import Thread
 from typing import Any
 
 import uvicorn
+from for_people import SCRIPTS, need_sentences
 
 from station.cli.starting import DetachedRuns
 from station.clock import RealClock
@@ -52,9 +53,12 @@ class Served:
     def _answer(self, request: urllib.request.Request) -> tuple[int, Any]:
         try:
             with urllib.request.urlopen(request, timeout=60) as answer:
-                return answer.status, answer.read().decode()
+                status, text = answer.status, answer.read().decode(errors="replace")
         except urllib.error.HTTPError as error:
-            return error.code, error.read().decode()
+            status, text = error.code, error.read().decode()
+        if "/static/" not in request.full_url:
+            need_sentences(SCRIPTS.sub("", text), request.full_url)
+        return status, text
 
     def stop(self) -> None:
         """End the panel."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from station import registry
 from station.method.commands import CoilOff, CoilOn, FieldRange, SteadyField
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import Problem, RecordUse
 
 from .parameters import COILS, CoilParameters, CoilRecord, ambient_unit
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 GAUSSMETER = "gaussmeter"
 FIELD = ("parameters", "coils", "field")
 RANGE_HEADROOM, EARTH_FIELD_MT = 1.5, 0.1
-RAMP_S = 3.0
+RAMP_S = 1.0
 
 
 def supply_of(coil: str) -> str:
@@ -57,7 +57,7 @@ def work(parameters: CoilParameters) -> Iterator[Work]:
             off = record.state == "off"
             first = (CoilOn(supply),) if record.state == "plus" else ()
             commands = (CoilOff(supply),) if off else (*first, coil_field(record))
-            yield Work("C2", record.unit, commands, rows, RAMP_S + each_s)
+            yield Work("C2", record.unit, commands, rows, each_s, decided=on_the_way(RAMP_S))
 
 
 def records(parameters: CoilParameters, bench: Bench) -> tuple[RecordUse, ...]:

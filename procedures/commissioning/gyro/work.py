@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from station.method.commands import GyroSampling, Power
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import RecordUse
 
 from .parameters import CHANNELS, CHANNELS_UNIT, REST_UNIT, GyroParameters
@@ -34,7 +34,13 @@ def sampling(parameters: GyroParameters, channel: int) -> GyroSampling:
 def work(parameters: GyroParameters) -> Iterator[Work]:
     """Yield the look at each channel, then the record at rest."""
     looks = tuple(sampling(parameters, channel) for channel in CHANNELS)
-    yield Work("G1", CHANNELS_UNIT, (Power(POWER, True), *looks), (), LOOK_S * len(CHANNELS))
+    yield Work(
+        "G1",
+        CHANNELS_UNIT,
+        (Power(POWER, True), *looks),
+        (),
+        decided=on_the_way(LOOK_S * len(CHANNELS)),
+    )
     yield Work("G2", None, (), (), parameters.warm_up_s)
     rows = Rows(GYRO, parameters.record_s, parameters.record_s / parameters.sample_interval_s)
     yield Work("G2", REST_UNIT, (), (rows,), parameters.record_s)

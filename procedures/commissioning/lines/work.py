@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from station.method.work import Work
+from station.method.work import Work, on_the_way
 from station.procedure import Prompt, RecordUse
 
 from .parameters import LINES, LineName, LineParameters, line_unit, return_unit
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 QUERY_S = 0.05
-BY_HAND_S = 60.0
+BACK_S = 5.0
+"""A line that was disconnected may need so long; what a person does takes no bench time."""
 
 
 def asked_on(bench: Bench) -> tuple[LineName, ...]:
@@ -51,6 +52,6 @@ def records_of_asked(names: Iterable[str], bench: Bench) -> Iterator[RecordUse]:
 def work(parameters: LineParameters) -> Iterator[Work]:
     """Yield the questions to each instrument, then each that is disconnected by hand."""
     for name in parameters.instruments:
-        yield Work("L1", line_unit(name), duration_s=QUERY_S * parameters.queries)
+        yield Work("L1", line_unit(name), decided=on_the_way(QUERY_S * parameters.queries))
     for name in parameters.disconnected:
-        yield Work("L2", return_unit(name), duration_s=BY_HAND_S)
+        yield Work("L2", return_unit(name), decided=on_the_way(BACK_S))

@@ -15,7 +15,7 @@ from station import registry
 from station.method.commands import Power
 from station.method.motion import AxisAtRate, AxisTo
 from station.method.set_points import Bounded
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import Problem, RecordUse
 from station.roles.turntable import unnamed_axes
 
@@ -73,18 +73,19 @@ def spin(turn: TableTurn, sense: int) -> AxisAtRate:
 
 
 def turn_s(parameters: MotionParameters, turn: TableTurn) -> float:
-    """Return the expected bench time in s of a turn there and back, with its rests."""
-    moving_s = turn.angle_deg / turn.rate_deg_per_s + SETTLING_S
-    return 3.0 * parameters.rest_s + 2.0 * moving_s
+    """Return the least bench time in s of a turn there and back, with its rests."""
+    return 3.0 * parameters.rest_s + 2.0 * turn.angle_deg / turn.rate_deg_per_s
 
 
 def work(parameters: MotionParameters) -> Iterator[Work]:
     """Yield the turns, then the levels, the last of them with the sensor turned on its plate."""
     aligns_s = ALIGNS_S if parameters.device == NAVIGATOR else 0.0
     begin = (Power(POWER, True), *moves(HOME, "all axes to zero"))
-    yield Work("M1", None, begin, (), HOMING_S + aligns_s)
+    way, settling = on_the_way(MOVE_S), on_the_way(2.0 * SETTLING_S)
+    yield Work("M1", None, begin, (), decided=on_the_way(HOMING_S + aligns_s))
     for turn in parameters.turns:
-        duration_s = turn_s(parameters, turn)
+        certain_s = turn_s(parameters, turn)
+        duration_s = certain_s + 2.0 * SETTLING_S
         reach_deg = turn.angle_deg + OVERSHOOT_DEG
         commands = (
             *begin_of(turn),
@@ -105,13 +106,15 @@ def work(parameters: MotionParameters) -> Iterator[Work]:
             Rows(TURNTABLE, duration_s, 2.0 * duration_s),
         )
         step = "M1" if turn in parameters.small_turns else "M2"
-        yield Work(step, turn.unit, commands, rows, duration_s + MOVE_S)
+        yield Work(step, turn.unit, commands, rows, certain_s, decided=way + settling)
     rest_s = parameters.rest_s
     at_rest = (Rows(parameters.device, rest_s, rest_s * parameters.sample_rate_Hz),)
     for angles_deg in HALF_TURNS:
         unit = level_unit(angles_deg)
-        yield Work("M3", unit, moves(angles_deg, unit), at_rest, rest_s + MOVE_S)
-    yield Work("M3", None, moves(HOME, "all axes to zero"), (), MOVE_S + aligns_s)
+        yield Work("M3", unit, moves(angles_deg, unit), at_rest, rest_s, decided=way)
+    yield Work(
+        "M3", None, moves(HOME, "all axes to zero"), (), decided=on_the_way(MOVE_S + aligns_s)
+    )
     yield Work("M3", TURNED_UNIT, (), at_rest, rest_s)
     yield Work("M3", None, (Power(POWER, False),))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils.work import supply_of
 from station.method.commands import CoilOff, MeterRange, Power, SineField
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import RecordUse
 
 from .parameters import COILS, OFF, PickUpParameters, unit_of
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 METER, POWER = "multimeter", "dut_power"
 RANGE_V, CYCLES = 0.1, 1.0
-SETTLE_S = 5.0
+SETTLE_S, RAMPS_S = 5.0, 11.0
+"""After the sine has begun; to load it, and from it to zero."""
 
 
 def instruments(parameters: PickUpParameters) -> tuple[str, ...]:
@@ -46,7 +47,14 @@ def work(parameters: PickUpParameters) -> Iterator[Work]:
     rows = (Rows(METER, parameters.record_s, parameters.record_s / parameters.every_s),)
     for coil in (OFF, *COILS):
         commands = () if coil == OFF else (sine(parameters, coil), CoilOff(supply_of(coil)))
-        yield Work("U1", unit_of(coil), commands, rows, SETTLE_S + parameters.record_s)
+        yield Work(
+            "U1",
+            unit_of(coil),
+            commands,
+            rows,
+            parameters.record_s + (SETTLE_S if commands else 0.0),
+            decided=on_the_way(RAMPS_S if commands else 0.0),
+        )
 
 
 def records(parameters: PickUpParameters, bench: Bench) -> tuple[RecordUse, ...]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils.work import GAUSSMETER, supply_of
 from station.method.commands import CoilOff, CoilOn, FieldRange, SteadyField
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import RecordUse
 
 from .parameters import COILS, PLACES, PlaceRecord, ProbeParameters
@@ -45,7 +45,7 @@ def work(parameters: ProbeParameters) -> Iterator[Work]:
         for record in parameters.records_at(place):
             supply = supply_of(record.coil)
             commands = (CoilOn(supply), coil_field(record))
-            yield Work("P1", record.unit, commands, rows, RAMP_S + each_s)
+            yield Work("P1", record.unit, commands, rows, each_s, decided=on_the_way(RAMP_S))
         off = tuple(CoilOff(supply_of(coil)) for coil in COILS)
         yield Work("P1", commands=off)
 

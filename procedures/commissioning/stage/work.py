@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from station import registry
 from station.method.commands import Angle, Homing, MeterRange, Power
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import Problem, RecordUse
 
 from .parameters import WHOLE_DEG, StageParameters, StageRecord
@@ -51,12 +51,14 @@ def burst_s(parameters: StageParameters) -> float:
 def work(parameters: StageParameters) -> Iterator[Work]:
     """Yield the set-up, then each record."""
     setting_up = (Homing(STAGE), meter_range(parameters), Power(POWER, True))
-    yield Work("R1", None, setting_up, (), HOMING_S + parameters.warm_up_s)
+    yield Work("R1", None, setting_up, (), parameters.warm_up_s, decided=on_the_way(HOMING_S))
     duration_s = burst_s(parameters)
     rows = (Rows(METER, duration_s, parameters.readings), Rows(STAGE, duration_s, 1))
     for record in parameters.records:
         step = "R1" if record.plane == "io" else "R2"
-        yield Work(step, record.unit, (angle_of(record),), rows, TURN_S + duration_s)
+        yield Work(
+            step, record.unit, (angle_of(record),), rows, duration_s, decided=on_the_way(TURN_S)
+        )
     yield Work("R2", None, (Power(POWER, False),))
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils.parameters import COILS
-from procedures.commissioning.coils.work import EARTH_FIELD_MT, GAUSSMETER, RAMP_S, supply_of
+from procedures.commissioning.coils.work import EARTH_FIELD_MT, GAUSSMETER, supply_of
 from station.method.commands import CoilOff, FieldRange
-from station.method.work import Rows, Work
+from station.method.work import Rows, Work, on_the_way
 from station.procedure import RecordUse
 
 from .commands import BeyondOwnLimit, CutOff
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 WHERE = ("parameters", "supplies")
 FIELD_OF_CUT = (GAUSSMETER, "field", 0.1, "mT")
-RANGE_MT = 0.5
+RANGE_MT, RAMP_S = 0.5, 3.0
 """A few hundred mA in a coil of up to 0.4 mT/A, and the ambient field."""
 
 
@@ -51,12 +51,14 @@ def work(parameters: SupplyParameters) -> Iterator[Work]:
     each_s = parameters.settle_s + parameters.record_s
     rows = (Rows(GAUSSMETER, each_s, read_s=parameters.record_s),)
     for coil in COILS:
-        yield Work("V1", limit_unit(coil), (beyond_limit(parameters, coil),), duration_s=RAMP_S)
+        yield Work(
+            "V1", limit_unit(coil), (beyond_limit(parameters, coil),), decided=on_the_way(RAMP_S)
+        )
     for coil in COILS:
         turn = (field_range(parameters, coil),)
         yield Work("V2", before_unit(coil), turn, rows, each_s)
         commands = (cut(parameters, coil), CoilOff(supply_of(coil)))
-        yield Work("V2", cut_unit(coil), commands, rows, RAMP_S + each_s)
+        yield Work("V2", cut_unit(coil), commands, rows, each_s, decided=on_the_way(RAMP_S))
 
 
 def records(parameters: SupplyParameters, bench: Bench) -> tuple[RecordUse, ...]:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from station.clock import Clock, ClockError, ClockStopped
-from station.errors import InputError, InstrumentError, InterlockTripped
+from station.errors import InputError, InstrumentError, InterlockTripped, reason_of
 from station.roles.role import energised_states
 from station.safety.interlocks.conditions import Judgement, QuantityReader
 from station.safety.interlocks.contact_test import ContactTest
@@ -209,7 +209,8 @@ class Monitor:
             raise
         except Exception as error:  # interlocks that nobody watches any more must end the run
             sentence = (
-                f"the interlocks cannot be watched any more, a fault of the program: {error!r}"
+                "the interlocks cannot be watched any more, a fault of the program: "
+                f"{reason_of(error)}"
             )
             self.trip = InterlockTripped("monitor", sentence, self._clock.now())
         self._alarm(self.trip)

@@ -122,7 +122,7 @@ def test_coils_at_once_take_a_third_of_the_time_and_stay_within_every_limit() ->
     for parameters, records in ((alone, 3), (together, 1)):
         recorded_s = sum(one.samples for one in all_records(parameters)) * 0.1
         assert recorded_s == pytest.approx(200.0 * records)
-    assert procedure.duration_s(together) < procedure.duration_s(alone) - 400.0
+    assert procedure.duration(together).expected_s < procedure.duration(alone).expected_s - 400.0
     points = procedure.forecast(together, shipped_bench()).set_points
     assert max(one.field_mT or 0.0 for one in points) == pytest.approx(np.sqrt(3.0))
     assert {"S3.2"} == {one.step for one in points if "sine" in one.text}

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import Hertz, Second, StrictModel, Unit, to_yaml_data
 from station.files.validation import validate_model
-from station.files.yaml.document import yaml_text
+from station.files.yaml.document import Where, yaml_text
 from station.files.yaml.reading import FaultList, Mark, read_yaml, read_yaml_text
 
 FILE = Path("plan.yaml")
@@ -66,11 +69,114 @@ def test_a_key_is_always_the_word_that_is_written() -> None:
     assert read_yaml_text("NO: 1\n010: 2\ny: 3\n", FILE).data == {"NO": 1, "010": 2, "y": 3}
 
 
-def test_every_key_and_value_keeps_its_line_and_column() -> None:
-    document = read_yaml_text("a:\n  b: [1, x]\nc: 'd'\n", FILE)
-    assert document.key_positions["a", "b"] == Mark(2, 3)
-    assert document.positions["a", "b", 1] == Mark(2, 10)
-    assert document.positions["c",] == Mark(3, 4)
+WORDS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,7}", fullmatch=True)
+TEXTS = st.text(st.characters(exclude_categories=["C", "Z"], include_characters=" "), max_size=12)
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**20), 10**20)
+    | st.floats(allow_nan=False)
+    | TEXTS
+    | st.sampled_from(["NO", "1e-3", "0x1F", "~", ".inf", "12:30", "a: b", "# x", "- y", "'", '"'])
+)
+DATA = st.dictionaries(
+    WORDS,
+    st.recursive(
+        SCALARS,
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+        max_leaves=12,
+    ),
+    max_size=5,
+)
+
+
+class Writer:
+    """Write data as a person may, and note where each key and each value comes to stand."""
+
+    def __init__(self, draw: st.DrawFn) -> None:
+        self.draw = draw
+        self.lines = [""]
+        self.keys: dict[Where, Mark] = {}
+        self.values: dict[Where, Mark] = {}
+
+    def put(self, text: str) -> None:
+        self.lines[-1] += text
+
+    def begin_line(self, indent: int) -> None:
+        for _ in range(self.draw(st.integers(0, 1))):
+            self.lines.append("# a remark: with [anything] in it")
+        self.lines.append(" " * indent)
+
+    def mark(self) -> Mark:
+        return Mark(len(self.lines), len(self.lines[-1]) + 1)
+
+    def block(self, value: Any, where: Where, indent: int) -> None:
+        """Write what stands at `where`; its first line is begun."""
+        self.values[where] = self.mark()
+        if isinstance(value, dict) and value:
+            for number, (key, inner) in enumerate(value.items()):
+                if number:
+                    self.begin_line(indent)
+                self.key(key, where)
+                if inner and isinstance(inner, dict | list) and self.draw(st.booleans()):
+                    deeper = indent + self.draw(st.integers(1, 4))
+                    self.begin_line(deeper)
+                    self.block(inner, (*where, key), deeper)
+                else:
+                    self.put(" ")
+                    self.flow(inner, (*where, key))
+        elif isinstance(value, list) and value:
+            for number, inner in enumerate(value):
+                if number:
+                    self.begin_line(indent)
+                self.put("- ")
+                self.block(inner, (*where, number), indent + 2)
+        else:
+            self.flow(value, where)
+
+    def flow(self, value: Any, where: Where) -> None:
+        self.put(" " * self.draw(st.integers(0, 2)))
+        self.values[where] = self.mark()
+        if isinstance(value, dict):
+            self.put("{")
+            for number, (key, inner) in enumerate(value.items()):
+                self.put(", " if number else "")
+                self.key(key, where)
+                self.put(" ")
+                self.flow(inner, (*where, key))
+            self.put("}")
+        elif isinstance(value, list):
+            self.put("[")
+            for number, inner in enumerate(value):
+                self.put(", " if number else "")
+                self.flow(inner, (*where, number))
+            self.put("]")
+        elif isinstance(value, float) and math.isinf(value):
+            self.put(".inf" if value > 0 else "-.inf")
+        else:
+            self.put(json.dumps(value, ensure_ascii=False))
+
+    def key(self, key: str, where: Where) -> None:
+        self.keys[*where, key] = self.mark()
+        self.put(f"{key}:" if self.draw(st.booleans()) else f'"{key}":')
+
+
+@given(DATA.filter(bool), st.data())
+def test_every_key_and_value_keeps_its_line_and_column(
+    data: dict[str, Any], drawn: st.DataObject
+) -> None:
+    writer = Writer(drawn.draw)
+    writer.block(data, (), 0)
+    document = read_yaml_text("\n".join(writer.lines) + "\n", FILE)
+    assert document.data == data
+    assert document.key_positions == writer.keys
+    assert document.positions == writer.values
+
+
+@given(DATA)
+def test_data_that_are_written_are_read_again_unchanged(data: dict[str, Any]) -> None:
+    read = read_yaml_text(yaml_text(data), FILE).data
+    assert repr(read) == repr(data)  # 1 is not 1.0, and not True
 
 
 @pytest.mark.parametrize(

@@ -11,18 +11,22 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv6Address
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import pytest
 from guardian_helpers import World, world
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from station import registry
 from station.cli.running import report_end
 from station.clock import RealClock
 from station.errors import InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.files.lookup import find
-from station.instruments.addresses import forms_of
+from station.instruments.addresses import GPIB, USB, forms_of
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks, lock_folder, lock_place
 from station.instruments.opening import Probe, open_one, problems_of
@@ -85,40 +89,105 @@ def address(port: int) -> Iterator[str]:
             lock_place(form).unlink()
 
 
-@pytest.mark.parametrize(
-    ("one", "another"),
-    [
-        ("TCPIP::127.0.0.1::5025::SOCKET", "tcpip0::localhost::5025::socket"),
-        ("TCPIP::127.0.0.1::5025::SOCKET", "socket://[::1]:5025"),
-        ("TCPIP::127.0.0.1::5025::SOCKET", f"socket://{socket.gethostname()}:5025"),
-        ("TCPIP::192.0.2.7::5025::SOCKET", "socket://192.0.2.7:5025"),
-        ("TCPIP::192.0.2.7::5025::SOCKET", "rfc2217://[::ffff:192.0.2.7]:5025?logging=debug"),
-        ("TCPIP::192.0.2.7::INSTR", "TCPIP0::192.0.2.7::inst0::INSTR"),
-        ("TCPIP::192.0.2.7::hislip0,4880::INSTR", "TCPIP::192.0.2.7::HISLIP0::INSTR"),
-        ("modbus-tcp://192.0.2.7", "modbus-tcp://192.0.2.7:502"),
-        ("GPIB::5::INSTR", "gpib0::5"),
-        ("USB::0x2A8D::0x1301::MY5::INSTR", "USB0::10893::4865::MY5::0::INSTR"),
-        ("ASRL/dev/null::INSTR", "/dev/null"),
-        ("COM3", "ASRL3::INSTR"),
-    ],
+HOSTS = st.ip_addresses(v=4, network="198.51.100.0/24") | st.ip_addresses(
+    v=6, network="2001:db8::/64"
 )
-def test_two_spellings_of_one_instrument_share_a_form(one: str, another: str) -> None:
-    assert forms_of(one) & forms_of(another), (forms_of(one), forms_of(another))
+OWN = st.ip_addresses(v=4, network="127.0.0.0/8") | st.just(IPv6Address("::1"))
+PORTS = st.integers(1, 65535)
+INSTRUMENTS = st.one_of(
+    st.tuples(st.just("port"), HOSTS | OWN, PORTS),
+    st.tuples(st.just("device"), HOSTS | OWN, st.sampled_from(["inst0", "inst1", "hislip0"])),
+    st.tuples(st.just("can"), HOSTS | OWN, PORTS, st.sampled_from(["can0", "can1"])),
+    st.tuples(st.just("gpib"), st.integers(0, 3), st.integers(0, 30)),
+    st.tuples(st.just("usb"), PORTS, PORTS, st.sampled_from(["my5", "my6"]), st.integers(0, 2)),
+    st.tuples(st.just("serial"), st.integers(1, 40)),
+)
+"""What the parts of an address distinguish."""
 
 
-@pytest.mark.parametrize(
-    ("one", "another"),
-    [
-        ("TCPIP::127.0.0.1::5025::SOCKET", "TCPIP::127.0.0.1::5026::SOCKET"),
-        ("TCPIP::192.0.2.7::5025::SOCKET", "TCPIP::192.0.2.8::5025::SOCKET"),
-        ("socketcand://192.0.2.7:29536/can0", "socketcand://192.0.2.7/can1"),
-        ("GPIB::5::INSTR", "GPIB1::5::INSTR"),
-        ("GPIB::5::INSTR", "GPIB::6::INSTR"),
-        ("COM3", "COM4"),
-    ],
-)
-def test_two_instruments_share_no_form(one: str, another: str) -> None:
-    assert not forms_of(one) & forms_of(another)
+@st.composite
+def spellings(draw: st.DrawFn, instrument: tuple[Any, ...]) -> str:
+    """Draw an address of an instrument: one of those that reach it."""
+
+    def spelled(host: IPv4Address | IPv6Address) -> list[str]:
+        if host.is_loopback:
+            return ["127.0.0.1", "localhost", "[::1]", "[0:0:0:0:0:0:0:1]", socket.gethostname()]
+        if isinstance(host, IPv6Address):
+            return [f"[{host.compressed}]", f"[{host.exploded}]"]
+        return [str(host), f"[::ffff:{host}]"]
+
+    def optional(number: int) -> str:
+        return draw(st.sampled_from([str(number), ""] if number == 0 else [str(number)]))
+
+    def any_base(number: int) -> str:
+        return draw(
+            st.sampled_from([f"0x{number:x}", f"0x{number:04x}", f"{number}", f"{number:05}"])
+        )
+
+    kind, *parts = instrument
+    instr = draw(st.sampled_from(["", "::INSTR"]))
+    match kind:
+        case "port":
+            host, port = draw(st.sampled_from(spelled(parts[0]))), parts[1]
+            urls = [f"socket://{host}:{port}", f"rfc2217://{host}:{port}?logging=debug"]
+            urls += [f"modbus-tcp://{host}:{port}", f"TCPIP0::{host}::{port}::SOCKET"]
+            address = draw(st.sampled_from([*urls, f"TCPIP::{host}::{port}::SOCKET"]))
+        case "device":
+            host, device = draw(st.sampled_from(spelled(parts[0]))), parts[1]
+            ways = [f"::{device}", f"::{device},4880", *([""] if device == "inst0" else [])]
+            address = f"TCPIP{optional(0)}::{host}{draw(st.sampled_from(ways))}::INSTR"
+        case "can":
+            host, port, channel = draw(st.sampled_from(spelled(parts[0]))), *parts[1:]
+            address = f"socketcand://{host}:{port}/{channel}"
+        case "gpib":
+            address = f"GPIB{optional(parts[0])}::{parts[1]}{instr}"
+        case "usb":
+            maker, model, serial, interface = parts
+            where = "" if interface == 0 and draw(st.booleans()) else f"::{interface}"
+            address = f"USB{optional(0)}::{any_base(maker)}::{any_base(model)}::{serial}"
+            address += f"{where}{instr}"
+        case _:
+            address = draw(st.sampled_from([f"COM{parts[0]}", f"ASRL{parts[0]}{instr}"]))
+    case_of = draw(st.sampled_from([str, str.upper, str.lower]))
+    return f"{draw(st.sampled_from(['', ' ']))}{case_of(address)}"
+
+
+def locks_of(address: str) -> set[Path]:
+    """Return the locks that a run takes for an address."""
+    return {lock_place(form) for form in forms_of(address)}
+
+
+@given(INSTRUMENTS, st.data())
+def test_every_spelling_of_one_instrument_takes_the_same_locks(
+    instrument: tuple[Any, ...], drawn: st.DataObject
+) -> None:
+    first, second = (drawn.draw(spellings(instrument)) for _ in range(2))
+    assert locks_of(first) == locks_of(second), (first, second)
+
+
+@given(INSTRUMENTS, INSTRUMENTS, st.data())
+def test_two_instruments_share_no_lock(
+    instrument: tuple[Any, ...], other: tuple[Any, ...], drawn: st.DataObject
+) -> None:
+    same = [
+        tuple("here" if getattr(part, "is_loopback", False) else part for part in parts)
+        for parts in (instrument, other)
+    ]
+    assume(same[0] != same[1])
+    first, second = drawn.draw(spellings(instrument)), drawn.draw(spellings(other))
+    assert not locks_of(first) & locks_of(second), (first, second)
+
+
+def test_a_port_that_may_be_left_out_makes_no_difference() -> None:
+    for scheme, port, path in (("modbus-tcp", 502, ""), ("socketcand", 29536, "/can0")):
+        whole = forms_of(f"{scheme}://192.0.2.7:{port}{path}")
+        assert forms_of(f"{scheme}://192.0.2.7{path}") == whole
+
+
+@given(st.from_regex(USB, fullmatch=True) | st.from_regex(GPIB, fullmatch=True) | st.text())
+def test_whatever_stands_in_the_place_of_an_address_stands_for_something(text: str) -> None:
+    assume("://" not in text)  # a host's name would be looked up
+    assert forms_of(text) == forms_of(f" {text} ")
 
 
 def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:

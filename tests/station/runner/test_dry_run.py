@@ -149,7 +149,7 @@ def test_a_real_bench_tells_when_the_run_would_end(tmp_path: Path) -> None:
     before = datetime.now(UTC)
     walked = walk(shipped_plan(), bench, tmp_path)
     assert walked.ends_utc is not None
-    late = walked.ends_utc - timedelta(seconds=walked.expected_s)
+    late = walked.ends_utc - timedelta(seconds=walked.duration.expected_s)
     assert before <= late <= datetime.now(UTC)
 
 

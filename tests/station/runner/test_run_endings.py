@@ -102,7 +102,7 @@ def test_a_run_without_memory_says_so_in_one_sentence() -> None:
     assert in_one_sentence(MemoryError()).startswith("this computer has no memory left")
     unloaded = ImportError("a.so: failed to map segment from shared object")
     assert in_one_sentence(unloaded) == in_one_sentence(MemoryError())
-    assert in_one_sentence(KeyError("x")) == "a fault of the program: KeyError('x')"
+    assert in_one_sentence(KeyError("x")) == "a fault of the program: 'x' is missing"
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from campaign_helpers import RawContent, raw_content
+from for_people import traces_in
 from quick_yaml import dump_yaml, load_yaml
 from short_forms import BENCH, SHORT_FORMS, bench_data, read_bench_at, short
 
@@ -239,7 +240,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
 
             return replace(step, body=body)
 
-        steps = [*map(marked, procedure.steps), Step("end", "", lambda run: mark(""), lambda _: 0)]
+        steps = [*map(marked, procedure.steps), Step("end", "", lambda run: mark(""))]
         operator = Operator(clock, {}, interactive=False, act=session.act)
         with Progress(1.0, quiet=True) as progress:
             planned = what_is_planned(plan, procedure, clock)
@@ -464,8 +465,9 @@ def told_well(
     code = ended.exit_code
     if code not in GOOD | {FAULT, TRIPPED}:
         yield f"exit code {code}"
-    if "Traceback" in ended.said or "a fault of the program" in ended.said:
+    if "a fault of the program" in ended.said:
         yield f"a fault of the program: {ended.error}"
+    yield from traces_in(ended.said + ended.error)
     yield from ended.warned
     if code in GOOD:
         still_s = reference.marks[-1].time_s - (ended.first_s or math.inf)
