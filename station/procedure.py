@@ -46,11 +46,16 @@ class ResultKind:
 
 @dataclass(frozen=True)
 class Step:
-    """One step with the source document's own number; `body` does it."""
+    """One step with the source document's own number.
+
+    `body` does it; `duration_s(parameters)` is the bench time that it takes beside the work that
+    the procedure declares for it.
+    """
 
     number: str
     title: str
     body: Callable[[Run], None]
+    duration_s: Callable[[Any], float] = lambda _: 0.0
 
 
 @dataclass(frozen=True)
@@ -291,11 +296,12 @@ class Procedure:
         return Envelope.of(self.forecast(parameters, bench).set_points)
 
     def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, Duration]]:
-        """Yield each step with the bench time that its work takes; what a person does is beside."""
+        """Yield each step with the bench time that it takes; what a person does is beside."""
         declared = self.declared(parameters)
         for step in self.steps:
-            own = (part.duration for part in declared if part.step == step.number)
-            yield step, sum(own, NO_TIME)
+            own_s = step.duration_s(parameters)
+            work = (part.duration for part in declared if part.step == step.number)
+            yield step, sum(work, Duration(own_s, own_s, own_s))
 
     def duration(self, parameters: Any) -> Duration:
         """Return the bench time that a run takes."""

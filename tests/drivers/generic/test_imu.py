@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import struct
 from itertools import pairwise
 
@@ -12,7 +11,6 @@ from fixture import recorded
 from imu_fixture import FIELD_NT, FORCE_G, KINDS, LATENCY_S, STRETCH, Spindle, imu
 from navigator_fixture import RawLine, bitwise_crc
 
-from drivers.kvh.imu_1775 import OUTPUT, SELF_TEST, TEXT, split
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import message_file
 from drivers.transport.serial_stream import Numbering, crc32_mpeg2
@@ -260,33 +258,6 @@ def test_a_kvh_streams_from_power_up_as_its_clients_expect() -> None:
             assert status == 0x77
             sequences.append(sequence)
         assert [(b - a) % 128 for a, b in pairwise(sequences)] == [1] * 9
-
-
-def frame_of(sequence: int) -> bytes:
-    body = bytes.fromhex("FE81FF57") + struct.pack(">7fBB", *range(7), 0x77, sequence)
-    return body + struct.pack(">I", crc32_mpeg2(body))
-
-
-def test_frames_and_lines_are_found_however_the_bytes_come() -> None:
-    self_test = bytes.fromhex("FE8100AA") + bytes([0x7F] * 6)
-    self_test += bytes([sum(self_test) % 256])
-    sent = [frame_of(1), b"DR,10\r\n", frame_of(2), self_test, b"\x12\xfe", frame_of(3)]
-    damaged = bytearray(frame_of(4))
-    damaged[20] ^= 1
-    whole = b"".join([*sent, bytes(damaged), frame_of(5)])
-    rng = random.Random(1)
-    for most in [1000, *[30, 300] * 25]:
-        found, pending, skipped, place = [], b"", 0, 0
-        while place < len(whole):
-            more = rng.randint(1, most) if most < 1000 else most
-            told = split(pending + whole[place : place + more])
-            found, pending, skipped = found + told.frames, told.rest, skipped + told.skipped
-            place += more
-        kinds = [kind for kind, _ in found]
-        assert kinds == [OUTPUT, TEXT, OUTPUT, SELF_TEST, OUTPUT, OUTPUT]
-        assert [payload[-1] for kind, payload in found if kind == OUTPUT] == [1, 2, 3, 5]
-        assert dict(found)[TEXT] == b"DR,10"
-        assert skipped + len(pending) == 2 + 38
 
 
 def test_the_message_file_and_the_sensor_agree_on_can() -> None:

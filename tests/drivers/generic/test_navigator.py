@@ -29,7 +29,7 @@ from places import CONFIG
 
 from drivers.generic.can_navigator import CanNavigator
 from drivers.generic.navigator import fault_words
-from drivers.generic.serial_navigator import OUTPUT, SYNC, SerialNavigator, frame, split
+from drivers.generic.serial_navigator import SerialNavigator
 from drivers.transport.can_line import CanLine
 from drivers.transport.can_messages import decoder_of, message_file
 from drivers.transport.serial_stream import crc32_stim300
@@ -353,36 +353,6 @@ def test_three_ways_to_the_same_checksum() -> None:
     for length in range(41):
         data = rng.randbytes(length)
         assert crc32_stim300(data) == crc32(data) == bitwise_crc(data)
-
-
-def test_frames_are_found_wherever_the_bytes_are_cut() -> None:
-    rng = random.Random(3)
-    payloads = [rng.randbytes(22) for _ in range(5)]
-    # A sync within a payload, and rubbish that looks like a beginning.
-    payloads[2] = SYNC + bytes([OUTPUT, 22]) + payloads[2][4:]
-    rubbish = [b"", b"\x00\x9a", SYNC + b"\x10\xff", SYNC + bytes([OUTPUT, 22, 1, 2]), b"\x9a"]
-    stream = b"".join(
-        noise + frame(OUTPUT, one) for noise, one in zip(rubbish, payloads, strict=True)
-    )
-    whole = split(stream)
-    assert [payload for _, payload in whole.frames] == payloads and not whole.rest
-    assert whole.skipped == sum(map(len, rubbish))
-    for step in (1, 2, 3, 7, 29, 31):
-        found, pending, skipped = [], b"", 0
-        for begin in range(0, len(stream), step):
-            cut = split(pending + stream[begin : begin + step])
-            found += [payload for _, payload in cut.frames]
-            pending, skipped = cut.rest, skipped + cut.skipped
-        assert found == payloads and not pending, step
-        assert skipped == whole.skipped
-
-
-def test_a_frame_with_one_wrong_bit_is_none() -> None:
-    good = frame(OUTPUT, bytes(range(22)))
-    for place in range(8 * len(good)):
-        bad = bytearray(good)
-        bad[place // 8] ^= 1 << place % 8
-        assert [payload for _, payload in split(bytes(bad) + good).frames] == [bytes(range(22))]
 
 
 def command(number: int, argument: int, request: int = 9) -> bytes:

@@ -9,7 +9,7 @@ from navigator_fixture import bitwise_crc
 from variants import variant
 
 from drivers.generic.can_pulse_board import CanPulseBoard
-from drivers.generic.serial_pulse_board import IDENTITY, OUTPUT, frame, split
+from drivers.generic.serial_pulse_board import OUTPUT, frame
 from sim_instruments.wire.frames import crc32
 from station.clock import VirtualClock
 from station.conformance.faulty_server import FaultyServer
@@ -54,16 +54,6 @@ def test_the_checksum_covers_bytes_that_are_not_sent() -> None:
         data = bytes((OUTPUT,)) + payload
         assert frame(OUTPUT, payload)[-4:] == crc32(data).to_bytes(4, "big")
         assert crc32(data) == bitwise_crc(data)
-
-
-def test_datagrams_are_found_among_bytes_that_are_none() -> None:
-    one, other = frame(OUTPUT, bytes(20)), frame(IDENTITY, bytes(8))
-    rubbish = bytes((OUTPUT,)) * 3 + b"\x00\xff"
-    found = split(rubbish + one + rubbish + other + one[:7])
-    assert [kind for kind, _ in found.frames] == [OUTPUT, IDENTITY]
-    assert found.rest == one[:7] and found.skipped == 2 * len(rubbish)
-    damaged = bytes((one[0], one[1] ^ 1)) + one[2:]
-    assert split(damaged + other).frames == [(IDENTITY, bytes(8))]
 
 
 def test_counts_go_on_beyond_their_24_bits_and_say_how_long_they_were_on_their_way() -> None:
