@@ -29,7 +29,7 @@ from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
 
-from drivers.transport.line import shortened
+from drivers.transport.line import numbers_of, shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
@@ -251,8 +251,7 @@ class KeysightE36312A(ScpiDriver):
             volts, amperes, *states = answer.split(";")
             on, current_trip, voltage_trip = (ON[state.strip().upper()] for state in states)
             look = Look(
-                float(volts),
-                float(amperes),
+                *numbers_of(self.place.name, shortened(question), [volts, amperes]),
                 on,
                 "over-current" if current_trip else "over-voltage" if voltage_trip else "",
             )

@@ -14,6 +14,7 @@ from faulted_runs import run_with
 from for_people import SCRIPTS, need_sentences, traces_in
 from panel_server import panel
 from short_forms import SHORT_FORMS
+from tiers import quick
 
 from station.panel.watching import RunWatch
 from station.record.events import EventLog, read_events
@@ -74,7 +75,9 @@ def failed(run: Path, to: Path, exit_code: int, message: str) -> Path:
     return copy
 
 
-@pytest.mark.parametrize("name", SHORT_FORMS)
+@pytest.mark.parametrize(
+    "name", quick(SHORT_FORMS, "rlg-magnetic-sensitivity", "gyro-static-noise", "commissioning")
+)
 def test_of_a_finished_run(name: str, run_of: RunOf, tmp_path: Path) -> None:
     need_sentences_of(copied(run_of(name), tmp_path))
 
@@ -97,7 +100,10 @@ def test_of_a_run_that_an_instrument_ended(entry: dict[str, str], tmp_path: Path
     need_sentences_of(outcome.folder)
 
 
-@pytest.mark.parametrize("kind", ["run-started", "step-started", "unit-started", "unit-finished"])
+@pytest.mark.parametrize(
+    "kind",
+    quick(["run-started", "step-started", "unit-started", "unit-finished"], "unit-started"),
+)
 def test_of_a_killed_run(kind: str, one_axis_run: Path, tmp_path: Path) -> None:
     need_sentences_of(unended(one_axis_run, tmp_path, kind))
 
@@ -132,7 +138,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-@pytest.mark.parametrize("file", SPOILED)
+@pytest.mark.parametrize("file", quick(SPOILED, *list(SPOILED)[:2]))
 def test_of_a_damaged_folder(file: str, wrong: str, one_axis_run: Path, tmp_path: Path) -> None:
     # Without a manifest, which would name the file, whoever reads it has to see what is wrong.
     copy = copied(one_axis_run, tmp_path, *(() if file == MANIFEST else (MANIFEST,)))

@@ -126,6 +126,7 @@ def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> Non
     assert all(1 < int(one.get_attribute("data-points")) <= 600 for one in plots)
 
 
+@pytest.mark.campaign
 def test_two_viewers_see_the_same_and_a_reload_loses_nothing(page: Page, served: Served) -> None:
     start(page, served, "SN-TWO")
     first, text = page.driver.current_window_handle, page.text("prompt-text")
@@ -191,6 +192,7 @@ def test_what_a_person_types_is_shown_as_text(page: Page, served: Served) -> Non
     assert not page.driver.find_elements(By.CSS_SELECTOR, "img")
 
 
+@pytest.mark.campaign
 def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
     page: Page, served: Served, tmp_path: Path
 ) -> None:
