@@ -114,13 +114,17 @@ class Covering:
         """Return the tests that run a line of a file of the code, the most telling first.
 
         For a line that runs at import: the tests that run a line of a function that names what is
-        set there, in this file or else in any; or else the tests that run this file at all.
+        set there, in this file or else in any; or else the tests that run this file at all. For a
+        line that runs in no test that is known, and for a file of which no function runs: the
+        tests of the same folder.
         """
         statement, inside, names = enclosing((self._code / file).read_text("utf-8"), line)
         if inside:
             direct = self._covering(file, statement)
         else:
             direct = self._of_import(file, statement, names)
+        if not direct and self._by_line(file).keys() & set(statement):
+            direct = self._of_folder(file)
         sharing = {share for test in direct for share in self._shares[test]}
         with_them = {test for test, shares in self._shares.items() if sharing & set(shares)}
         return [*self._spread(direct), *self._spread(with_them - direct)]
@@ -140,6 +144,13 @@ class Covering:
         body = lines_naming(source, None)
         in_statement = [row for row in body if row in statement]
         return self._covering(file, in_statement) or self._covering(file, body)
+
+    def _of_folder(self, file: str) -> set[str]:
+        for parent in Path(file).parents:
+            tests = {test for test in self.seconds if test.startswith(f"tests/{parent}/")}
+            if tests:
+                return tests
+        return set()
 
     def _covering(self, file: str, lines: Iterable[int]) -> set[str]:
         by_line = self._by_line(file)

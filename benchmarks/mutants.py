@@ -402,7 +402,7 @@ class Runner:
             elif trial.status == "skipped":
                 return "not-covered", None, met
             elif not again or (fails and self._passes_pristine(str(trial.test), seconds)):
-                return trial.status, trial.test, met
+                return trial.status, trial.test if trial.status in KILLED else None, met
             else:
                 left = left[left.index(str(trial.test)) + 1 :]
                 if not left:
