@@ -172,7 +172,9 @@ class Covering:
                 name.removeprefix(root)
                 for name in self._data.measured_files()
                 for root in self._roots
-                if name.startswith(root) and (self._code / name.removeprefix(root)).is_file()
+                if name.startswith(root)
+                and name.endswith(".py")
+                and (self._code / name.removeprefix(root)).is_file()
             }
         )
 

@@ -396,7 +396,7 @@ class Runner:
             with replaced(path, text, number):
                 trial = self.run(left, seconds)
                 again = trial.status in KILLED and trial.test in left
-                fails = not again or self.run([str(trial.test)], seconds).status in KILLED
+                fails = not again or self.run([str(trial.test)], seconds / 3.0).status in KILLED
             if trial.status == "missing":
                 left = [test for test in left if test not in trial.missing]
             elif trial.status == "skipped":
@@ -580,8 +580,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def chosen(arguments: argparse.Namespace) -> list[Mutant]:
-    """Return the mutants to run: all, those named, or those killed in a file of results."""
-    mutants = read_mutants(arguments.mutants)
+    """Return the mutants to run: all, those named, or those killed in a file of results.
+
+    One of each group in turn, so that what an interrupted run has done is a fair part of all.
+    """
+    mutants = sorted(read_mutants(arguments.mutants), key=lambda mutant: mutant.id[-3:])
     if not arguments.only:
         return mutants
     wanted = set(arguments.only)
