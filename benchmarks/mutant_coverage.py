@@ -12,9 +12,10 @@ import ast
 import json
 import os
 import re
+import statistics
 import time
 from collections import defaultdict
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,14 @@ class Covering:
         tests = [json.loads(line) for line in lines]
         self.seconds: dict[str, float] = {test["test"]: test["seconds"] for test in tests}
         self._shares: dict[str, list[str]] = {test["test"]: test["shares"] for test in tests}
+        users: dict[str, list[float]] = defaultdict(list)
+        for test in tests:
+            for share in test["shares"]:
+                users[share].append(test["seconds"])
+        self._share_s = {
+            share: max(0.0, seconds[0] - statistics.median(seconds[1:] or [0.0]))
+            for share, seconds in users.items()
+        }
         self._contexts: dict[str, dict[int, list[str]]] = {}
         self._roots = sorted({_root(name) for name in self._data.measured_files()} - {""})
 
@@ -128,6 +137,25 @@ class Covering:
         sharing = {share for test in direct for share in self._shares[test]}
         with_them = {test for test, shares in self._shares.items() if sharing & set(shares)}
         return [*self._spread(direct), *self._spread(with_them - direct)]
+
+    def within(self, tests: Sequence[str], budget_s: float) -> list[str]:
+        """Return the first tests that fit into a time, at least one, the quickest first.
+
+        What a shared fixture takes, its first user's time above the others', counts once.
+        """
+        kept: list[str] = []
+        spent_s, ready = 0.0, set[str]()
+        for test in tests:
+            shares = set(self._shares[test]) - ready
+            own_s = max([self.seconds[test], *(self._share_s[share] for share in shares)])
+            if not kept or spent_s + own_s <= budget_s:
+                kept.append(test)
+                spent_s += own_s
+                ready |= shares
+        return sorted(kept, key=self._alone_s)
+
+    def _alone_s(self, test: str) -> float:
+        return max([self.seconds[test], *(self._share_s[share] for share in self._shares[test])])
 
     def _of_import(self, file: str, statement: range, names: set[str]) -> set[str]:
         source = (self._code / file).read_text("utf-8")

@@ -14,8 +14,9 @@ and how long each takes. `--durations XML --at-most S` leaves out the tests that
 report of `pytest --junit-xml`. `--workers 2` is two processes.
 
 `run` writes one mutant after another into such a copy, and runs the `--tests` (40) first of the
-tests that run its line, each function's quickest before its second, the quickest first, until one
-fails. The tests that share a fixture with these come last: the fixture ran the line for them too.
+tests that run its line, each function's quickest before its second, that fit into `--budget` (20 s
+of what they took in `cover`), the quickest first, until one fails. The tests that share a fixture
+with these come last: the fixture ran the line for them too.
 A process that has imported the libraries but none of our code forks for each mutant; whatever the
 fork leaves is killed. A test kills that fails twice with the mutant and passes without it. One line
 each: `killed`, `survived`, `timeout` (over `--seconds`: counts as killed), `not-covered`, or
@@ -562,7 +563,7 @@ def run(arguments: argparse.Namespace) -> None:
             line = line_in(mutant, scratch)
             if line is not None:
                 tests = covering.tests_of(mutant.file, line)[: arguments.tests]
-                tests = within(tests, covering.seconds, arguments.budget)
+                tests = covering.within(tests, arguments.budget)
                 status, test, count = runner.judge(mutant, tests, arguments.seconds)
             ended_so = {
                 "id": mutant.id,
@@ -603,16 +604,6 @@ def line_in(mutant: Mutant, code: Path) -> int | None:
     return None if start is None else source.count("\n", 0, start) + 1
 
 
-def within(tests: Sequence[str], seconds: dict[str, float], budget_s: float) -> list[str]:
-    """Return the first tests that fit into a time, at least one, the quickest first."""
-    kept: list[str] = []
-    for test in tests:
-        if kept and sum(seconds[other] for other in kept) + seconds[test] > budget_s:
-            continue
-        kept.append(test)
-    return sorted(kept, key=lambda test: seconds[test])
-
-
 def read_results(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text("utf-8").splitlines()]
 
@@ -648,7 +639,7 @@ def main() -> None:
     running = commands.add_parser("run")
     running.add_argument("--only", nargs="+", help="ids, or: killed-in FILE")
     running.add_argument("--tests", type=int, default=40, help="at most so many for a mutant")
-    running.add_argument("--budget", type=float, default=10.0, help="seconds that they take")
+    running.add_argument("--budget", type=float, default=20.0, help="seconds that they take")
     running.add_argument("--seconds", type=float, default=60.0, help="longest run of a mutant")
     counting = commands.add_parser("count")
     for command in (covered, running):
