@@ -3,7 +3,7 @@
     python benchmarks/mutants.py draw --seed 1 > benchmarks/mutants.jsonl
     python benchmarks/mutants.py cover --code DIR --coverage FOLDER [-- ARGUMENTS OF PYTEST]
     python benchmarks/mutants.py run --code DIR --coverage FOLDER --results FILE
-    python benchmarks/mutants.py count --results FILE
+    python benchmarks/mutants.py count --results FILE …
 
 `draw` spreads 300 over the lines of code of `CORE` and 300 over the others: of the file at each
 point an operator by lot, its chance growing with the logarithm of its replacements there, and
@@ -21,6 +21,10 @@ A process that has imported the libraries but none of our code forks for each mu
 fork leaves is killed. A test kills that fails twice with the mutant and passes without it. One line
 each: `killed`, `survived`, `timeout` (over `--seconds`: counts as killed), `not-covered`, or
 `not-found` where the code is no longer there. A file of results that exists is gone on with.
+
+A small `--budget` is quick, yet leaves out the tests that look at whole runs. What survives it is
+held against more: `run --only survived-in FIRST --budget 60 --results SECOND`; `count` and `--only`
+take several files, of which a later one has the last word.
 
 Before and after a change of the tests, with the commands of that change's two checkouts:
 
@@ -589,9 +593,10 @@ def chosen(arguments: argparse.Namespace) -> list[Mutant]:
     if not arguments.only:
         return mutants
     wanted = set(arguments.only)
-    if arguments.only[0] == "killed-in":
-        lines = read_results(Path(arguments.only[1]))
-        wanted = {line["id"] for line in lines if line["status"] in KILLED}
+    statuses = {"killed-in": KILLED, "survived-in": ("survived",)}.get(arguments.only[0])
+    if statuses is not None:
+        status = statuses_in([Path(file) for file in arguments.only[1:]])
+        wanted = {name for name, ended_so in status.items() if ended_so in statuses}
     return [mutant for mutant in mutants if mutant.id in wanted]
 
 
@@ -608,11 +613,16 @@ def read_results(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text("utf-8").splitlines()]
 
 
+def statuses_in(files: Sequence[Path]) -> dict[str, str]:
+    """Return how each mutant ended; a later file has the last word."""
+    return {line["id"]: line["status"] for file in files for line in read_results(file)}
+
+
 # --- count --------------------------------------------------------------------------------------
 
 
 def count(arguments: argparse.Namespace) -> None:
-    status = {line["id"]: line["status"] for line in read_results(arguments.results)}
+    status = statuses_in(arguments.results)
     rooms: dict[str, Counter[str]] = defaultdict(Counter)
     for mutant in read_mutants(arguments.mutants):
         if mutant.id in status:
@@ -637,18 +647,19 @@ def main() -> None:
     covered.add_argument("--workers", type=int, default=1)
     covered.add_argument("pytest", nargs="*", help="arguments of pytest, after --")
     running = commands.add_parser("run")
-    running.add_argument("--only", nargs="+", help="ids, or: killed-in FILE")
+    running.add_argument("--only", nargs="+", help="ids, or: killed-in FILE …, survived-in FILE …")
     running.add_argument("--tests", type=int, default=40, help="at most so many for a mutant")
     running.add_argument("--budget", type=float, default=20.0, help="seconds that they take")
     running.add_argument("--seconds", type=float, default=60.0, help="longest run of a mutant")
+    running.add_argument("--results", type=Path, required=True)
     counting = commands.add_parser("count")
+    counting.add_argument("--results", type=Path, nargs="+", required=True)
     for command in (covered, running):
         command.add_argument("--code", type=Path, default=root)
         command.add_argument("--tests-from", type=Path, help="a checkout whose tests are run")
         command.add_argument("--coverage", type=Path, required=True, help="folder of the data")
         command.add_argument("--scratch", type=Path, default=Path("/dev/shm/mutants-copy"))
     for command in (running, counting):
-        command.add_argument("--results", type=Path, required=True)
         command.add_argument("--mutants", type=Path, default=KEPT)
     arguments = parser.parse_args()
     {"draw": draw, "cover": cover, "run": run, "count": count}[arguments.command](arguments)
