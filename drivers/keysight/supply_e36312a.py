@@ -250,8 +250,12 @@ class KeysightE36312A(ScpiDriver):
         try:
             volts, amperes, *states = answer.split(";")
             on, current_trip, voltage_trip = (ON[state.strip().upper()] for state in states)
+            voltage_V, current_A = numbers_of(
+                self.place.name, shortened(question), [volts, amperes]
+            )
             look = Look(
-                *numbers_of(self.place.name, shortened(question), [volts, amperes]),
+                voltage_V,
+                current_A,
                 on,
                 "over-current" if current_trip else "over-voltage" if voltage_trip else "",
             )
