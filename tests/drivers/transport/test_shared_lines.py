@@ -35,6 +35,7 @@ def alternate(**changed: Any) -> str:
     return yaml.safe_dump({**ALTERNATE, "instruments": instruments}, sort_keys=False)
 
 
+@pytest.mark.campaign
 def test_second_models_recover_the_true_scale_factor(tmp_path: Path) -> None:
     outcome, truth = short_run(tmp_path, 4, **NARROW)
     assert outcome.exit_code == 0, outcome.error

@@ -60,6 +60,7 @@ def test_folded_coefficients_have_no_value_and_kept_ones_say_what_they_stand_for
     assert "K0 + Kpp" in flag.message
 
 
+@pytest.mark.campaign
 def test_95_percent_intervals_hold_the_truth_95_times_in_100() -> None:
     inside, total = 0, 0
     for seed in range(100):

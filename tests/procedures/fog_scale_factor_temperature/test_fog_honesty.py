@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from campaigns.planted.fog_logs import log
 from fog_records import NOISE_DEG, Array, knocked, only, quartic, record
+from tiers import quick
 
 from procedures.fog_scale_factor_temperature.analysis import FogAnalysis, analyse
 from procedures.fog_scale_factor_temperature.curve import CHECKED, Band
@@ -65,7 +66,7 @@ def test_headings_near_north_are_in_no_other_unit() -> None:
         assert "heading_deg" not in {flag.details["statement"] for flag in found}
 
 
-@pytest.mark.parametrize("slope", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("slope", quick([0.5, 1.0, 3.0], 1.0))
 def test_a_kink_is_flagged_or_within_the_uncertainty(slope: float) -> None:
     said = missed = 0
     for seed in range(12):
@@ -123,6 +124,7 @@ def test_a_feature_between_two_sets_is_in_the_uncertainty(turns: tuple[int, ...]
         assert float(fit.curve.check_ppm(np.array([fit.misfit.at_degC]))[0]) > 15.0
 
 
+@pytest.mark.campaign
 def test_a_kink_that_chance_makes_hardly_widens_the_uncertainty() -> None:
     grew = []
     for seed in range(40):
@@ -217,7 +219,7 @@ def test_a_lag_whose_sign_changes_over_the_range_is_hysteresis() -> None:
     assert float(curve.check_ppm(np.array([50.0]))[0]) < 1.5
 
 
-@pytest.mark.parametrize("seed", [0, 6, 9])
+@pytest.mark.parametrize("seed", quick([0, 6, 9], 0))
 def test_knocks_in_the_first_sets_do_not_bend_the_end_of_the_curve(seed: int) -> None:
     made = record(seed, (360, 0), walk=0.05)
     for row, ppm in ((0, 15.0), (1, -180.0), (2, -190.0), (6, -34.0)):

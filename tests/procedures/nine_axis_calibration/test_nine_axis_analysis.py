@@ -82,6 +82,7 @@ def test_noise_is_answered_by_uncertainties_that_are_the_bound() -> None:
     assert codes(analysis) <= ORDINARY
 
 
+@pytest.mark.campaign
 def test_95_percent_intervals_hold_the_truth_95_times_in_100() -> None:
     inside, total = 0, 0
     for seed in range(30):

@@ -68,6 +68,7 @@ def test_a_kill_on_scaled_time_leaves_a_safe_world_and_a_run_that_goes_on(
     assert not line["faults"], line
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     ("scaled", "changes", "said"),
     [

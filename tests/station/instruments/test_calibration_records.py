@@ -176,7 +176,9 @@ CORRECTIONS = [
     (ACCELEROMETER, "gaussmeter", "field", ("Km", None), 1 / SHIFT),
     (ACCELEROMETER, "multimeter", "voltage", ("Km", None), SHIFT),
     (SERF, "digitizer", "frequency", ("slowing_down_factor", None), 1 / SHIFT),
-    (NINE, "turntable", "angle", ("scale_factor", "X"), 1 / SHIFT),
+    pytest.param(
+        *(NINE, "turntable", "angle", ("scale_factor", "X"), 1 / SHIFT), marks=pytest.mark.campaign
+    ),
 ]
 
 

@@ -177,6 +177,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
+@pytest.mark.campaign
 def test_a_disk_that_somebody_else_fills_is_the_same(plan: Path, small_disk: Path) -> None:
     command = station_command("run", plan, "--non-interactive", "--output", small_disk / "runs")
     process = subprocess.Popen(

@@ -135,6 +135,7 @@ def test_no_step_of_a_procedure_that_declares_energises_by_itself(name: str) -> 
                 assert node.func.attr not in ENERGISING, f"{path.name}:{node.lineno}"
 
 
+@pytest.mark.campaign
 def test_a_field_goes_from_the_plan_to_the_wire_by_the_files_that_the_architecture_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
