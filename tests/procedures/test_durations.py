@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from short_forms import SHORT_FORMS
+from tiers import quick
 
 from station.cli.validating import read_bench_named, read_plan_for
 from station.files.lookup import PLANS, available
@@ -45,7 +46,9 @@ def faults_of(declared: Duration, took_s: float) -> str:
     return "" if right else f"took {took_s:.2f} s, declared {declared}"
 
 
-@pytest.mark.parametrize("name", SHORT_FORMS)
+@pytest.mark.parametrize(
+    "name", quick(SHORT_FORMS, "rlg-magnetic-sensitivity", "gyro-static-noise", "gyro-rate-table")
+)
 def test_a_run_takes_as_long_as_its_plan_declares(name: str, run_of: Callable[[str], Path]) -> None:
     times = step_times(run_of(name))
     wrong = {step: fault for step, declared, s in times if (fault := faults_of(declared, s))}

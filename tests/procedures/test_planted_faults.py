@@ -25,7 +25,7 @@ from campaigns.planted.judging import (
 )
 from places import ROOT
 
-QUICK_ROWS = 3
+QUICK_ROWS = 2
 """So many rows of each set of codes are quick, each with one seed; the others are campaign."""
 ERROR_OF_A_CLEAN_DATASET_U = 4.5
 HELPERS = {

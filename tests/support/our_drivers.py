@@ -216,6 +216,7 @@ CASES: dict[str, Case] = {
         lambda _, supply: supply.switch_on(),
         OTHER,
         patient=True,
+        bears={"nan": False},
     ),
     "watlow-f4t": Case(Identity("Watlow", "F4T", "10423177", "5.1203"), "read 2820", air_degC),
     "watlow-f4": Case(

@@ -51,6 +51,7 @@ def test_second_models_recover_the_true_scale_factor(tmp_path: Path) -> None:
     assert {one.details["instrument"] for one in opened} == used
 
 
+@pytest.mark.campaign
 def test_the_same_plan_runs_on_both_benches_and_recovers_the_truth(tmp_path: Path) -> None:
     plan, bench = shipped_plan("rlg-magnetic-sensitivity"), shipped_bench("sim-alternate")
     plan["parameters"] |= {

@@ -75,6 +75,7 @@ def test_faces_alone_leave_the_second_order_out() -> None:
     assert max(map(abs, errors_in_u(bench, found)["accelerometer_bias"])) < 4.0
 
 
+@pytest.mark.campaign
 def test_a_mounting_that_faces_down_gives_the_gyros_sensitivity_to_force() -> None:
     bench = Bench(5, turned=("X", "Y", "Z", "-X"))
     found = results_of(bench.data())

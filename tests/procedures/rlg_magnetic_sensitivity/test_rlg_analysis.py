@@ -252,6 +252,7 @@ def test_a_wild_field_reading_changes_nothing() -> None:
     assert wild.estimates[0].value == pytest.approx(clean.estimates[0].value, rel=1e-3)
 
 
+@pytest.mark.campaign
 def test_a_clean_record_raises_no_flag_and_its_intervals_hold_the_truth() -> None:
     flagged, inside, square, runs = 0, 0, 0.0, 250
     for seed in range(runs):

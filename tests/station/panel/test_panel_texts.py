@@ -94,6 +94,7 @@ def test_the_choice_on_the_page_goes_before_the_wish_of_the_browser(served: Serv
     assert texts is not None and json.loads(texts[1]) == catalogue("zh", PANEL)
 
 
+@pytest.mark.campaign
 def test_a_language_is_chosen_and_remembered(page: Page, served: Served) -> None:
     page.driver.get(served.url)
     page.wait_for("start-title", "Start a run")

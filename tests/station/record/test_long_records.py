@@ -176,6 +176,7 @@ def test_raw_rows_come_in_pieces_and_only_one_piece_is_kept(tmp_path: Path) -> N
     assert next(folder.pieces("source", "short")) is one
 
 
+@pytest.mark.campaign
 def test_a_fast_record_is_averaged_on_its_way_from_the_disk(tmp_path: Path) -> None:
     bench, plan = bench_and_plan(
         "parameters.sample_interval=1 ms", "parameters.duration=600 s", "parameters.axes=[IA]"

@@ -155,6 +155,7 @@ def test_after_an_interlock_and_its_acknowledgement(
     judged(outcome.folder, reference, lambda: go_on(outcome.folder, closed))
 
 
+@pytest.mark.campaign
 @pytest.mark.skipif(sys.platform == "win32", reason="no file-size limit to set there")
 def test_after_a_full_disk(plan: Path, reference: Path, tmp_path: Path) -> None:
     done = limited(110_000, plan, tmp_path / "runs")

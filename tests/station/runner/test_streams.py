@@ -59,6 +59,7 @@ def test_results_that_cannot_be_printed_are_a_fault_by_one_sentence(
     assert len(done.stderr.splitlines()) == 1 or verb[0] == "validate"
 
 
+@pytest.mark.campaign
 def test_a_pass_that_cannot_be_printed_is_no_fail(plan: Path, tmp_path: Path) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         done = command(
