@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import atexit
 import os
+import shlex
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -29,15 +31,19 @@ def pytest_cmdline_main(config: pytest.Config) -> int | None:
     from leftovers import SESSION, begin_session
     from own_namespaces import is_inside, run_inside
 
-    called = config.invocation_params
-    if is_inside() or SESSION in os.environ or called.plugins or sys.gettrace():
-        return None  # by now, or a debugger or coverage is at work in this very process
+    called, option = config.invocation_params, config.option
+    if is_inside() or SESSION in os.environ:
+        return None
+    if called.plugins or sys.gettrace():  # a debugger or coverage is at work in this process
+        begin_session()
+        return None
     capture: Any = config.pluginmanager.getplugin("capturemanager")
     capture.stop_global_capturing()  # whoever runs inside captures, and has the real input
+    alone_at_a_terminal = not getattr(option, "numprocesses", None) and os.isatty(0)
     code = run_inside(
-        [sys.executable, "-P", "-m", "pytest", *map(str, called.args)],
+        as_this_process(*map(str, called.args)),
         kept_visible(config),
-        patient=bool(config.option.usepdb),
+        patient=bool(option.usepdb or option.trace or alone_at_a_terminal),
     )
     if code is None:
         begin_session()
@@ -54,16 +60,28 @@ def pytest_configure() -> None:
         atexit.register(shutil.rmtree, compiled, ignore_errors=True)
 
 
+def as_this_process(*arguments: str) -> list[str]:
+    """Return the command of pytest with the options and the path of this interpreter."""
+    options = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]
+    code = f"import runpy, sys; sys.path[:] = {sys.path!r}\n"
+    code += "runpy.run_module('pytest', run_name='__main__')"
+    return [sys.executable, *options, "-c", code, *arguments]
+
+
 def kept_visible(config: pytest.Config) -> list[Path]:
     """Return the folders of code, interpreter and files that the command line names."""
     called = config.invocation_params
-    named = [
-        called.dir / str(argument).partition("::")[0].split("=")[-1] for argument in called.args
-    ]
+    words = [*map(str, called.args), *shlex.split(os.environ.get("PYTEST_ADDOPTS", ""))]
+    words.append(os.environ.get("PYTEST_DEBUG_TEMPROOT", ""))
     kept = [config.rootpath, called.dir, Path(sys.prefix), Path(sys.base_prefix)]
     kept += [Path(path) for path in sys.path if Path(path).is_dir()]
-    kept += [path if path.is_dir() else path.parent for path in named if path.parent.is_dir()]
-    return sorted({Path(os.path.realpath(path)) for path in kept})
+    for word in words:
+        before, equals, after = word.partition("::")[0].partition("=")
+        path = called.dir / (after if equals else before).lstrip("@")
+        while not path.is_dir():
+            path = path.parent
+        kept.append(path)
+    return sorted({*map(Path.absolute, kept), *map(Path.resolve, kept)})
 
 
 @pytest.fixture(autouse=True, scope="session")

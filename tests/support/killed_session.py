@@ -86,8 +86,7 @@ def strike(process: int, number: str, whom: str) -> None:
         case "worker":
             os.kill(next(pid for pid, words in processes() if WORKER in words), sent)
         case "pytest":
-            # Those that wait for it have the same words, and were there before.
-            os.kill(max(pid for pid, words in processes() if "-m pytest" in words), sent)
+            os.kill(next(pid for pid, words in processes() if "run_module" in words), sent)
 
 
 def seen() -> dict[str, set[str]]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -22,14 +23,15 @@ from pathlib import Path
 import psutil
 from user_space_disk import unmount
 
+from station.errors import StationError
 from station.files.locks import is_held
 from station.instruments.instrument_locks import PREFIX, lock_folder
 
 SESSION = "STATION_TESTS_SESSION"
 """In the environment of whatever a session starts: its folder, in which all its files lie."""
 FOLDERS = "station-tests-"
-NAME = re.compile(rf"{FOLDERS}(\d+)-(\d+)-\w+")
-"""The process that made the folder, and when, in Unix time."""
+NAME = re.compile(rf"{FOLDERS}(\d+)-(\d+)-(\d+)-\w+")
+"""The namespace of processes, the process in it that made the folder, and when, in Unix time."""
 ENDS_WITHIN_S = 8.0
 
 
@@ -38,8 +40,10 @@ def begin_session() -> None:
     for earlier in Path(tempfile.gettempdir()).glob(f"{FOLDERS}*"):
         if NAME.fullmatch(earlier.name) and is_own(earlier) and not is_owner_alive(earlier):
             end_session(earlier)
-    folder = tempfile.mkdtemp(prefix=f"{FOLDERS}{os.getpid()}-{time.time():.0f}-")
-    subprocess.Popen(
+    owner = f"{namespace_number()}-{os.getpid()}-{time.time():.0f}"
+    folder = tempfile.mkdtemp(prefix=f"{FOLDERS}{owner}-")
+    global cleaner  # its input closes with this process, not before
+    cleaner = subprocess.Popen(
         [sys.executable, __file__, folder],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
@@ -50,24 +54,40 @@ def begin_session() -> None:
     tempfile.tempdir = None  # so that it is looked up again
 
 
-def is_own(folder: Path) -> bool:
-    """Whether this user made a folder."""
-    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
+cleaner: subprocess.Popen[bytes] | None = None
+"""The process that ends this session."""
+
+
+def namespace_number() -> int:
+    """Return what distinguishes the processes of this system from another's; 0 if nothing."""
+    with suppress(OSError):
+        return Path("/proc/self/ns/pid").stat().st_ino
+    return 0
+
+
+def is_own(path: Path) -> bool:
+    """Whether this user made a file or folder, which is no link."""
+    with suppress(OSError):
+        about = path.lstat()
+        return not stat.S_ISLNK(about.st_mode) and about.st_uid == getattr(os, "getuid", int)()
+    return False
 
 
 def is_owner_alive(folder: Path) -> bool:
-    """Whether the process that made the folder of a session still lives."""
-    owner, began_s = owner_of(folder)
+    """Whether the process that made the folder of a session lives, or may, out of our sight."""
+    namespace, owner, began_s = owner_of(folder)
+    if namespace != namespace_number():
+        return True
     with suppress(psutil.Error):
         return float(psutil.Process(owner).create_time()) <= began_s + 1.0
     return False
 
 
-def owner_of(folder: Path) -> tuple[int, float]:
-    """Return the process that made the folder of a session, and when, in Unix time."""
+def owner_of(folder: Path) -> tuple[int, int, float]:
+    """Return namespace and number of the process that made a session's folder, and Unix time."""
     named = NAME.fullmatch(folder.name)
     assert named
-    return int(named[1]), float(named[2])
+    return int(named[1]), int(named[2]), float(named[3])
 
 
 def end_session(folder: Path) -> None:
@@ -81,15 +101,10 @@ def end_session(folder: Path) -> None:
     for mount in psutil.disk_partitions(all=True):
         if Path(mount.mountpoint).is_relative_to(folder):
             unmount(mount.mountpoint)
-    _, began_s = owner_of(folder)
+    _, _, began_s = owner_of(folder)
     for lock in lock_folder().glob(f"{PREFIX}-*.lock"):
-        with suppress(OSError):
-            about = lock.stat()
-            if (
-                about.st_uid == os.getuid()
-                and about.st_ctime >= began_s - 1.0
-                and not is_held(lock)
-            ):
+        with suppress(OSError, StationError):
+            if is_own(lock) and lock.stat().st_ctime >= began_s - 1.0 and not is_held(lock):
                 lock.unlink()
     shutil.rmtree(folder, ignore_errors=True)
 

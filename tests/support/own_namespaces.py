@@ -52,8 +52,9 @@ def run_inside(command: Sequence[str], keep: Sequence[Path], *, patient: bool) -
         return None
     lifeline, held = os.pipe()
     state, reports = os.pipe()
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
     if (outside := os.fork()) == 0:
         os.close(held)
         os.close(state)
@@ -104,6 +105,7 @@ def _enter(
 ) -> int:
     """Make the namespaces, and wait for the first process in them."""
     libc = ctypes.CDLL(None, use_errno=True)
+    _checked(libc.prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL))
     user, group = os.geteuid(), os.getegid()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)

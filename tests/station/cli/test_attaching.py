@@ -227,7 +227,7 @@ def test_a_plan_with_a_fault_is_refused_at_a_terminal_as_elsewhere(tmp_path: Pat
 @pytest.mark.campaign
 def test_a_run_goes_on_when_its_terminal_closes_and_nobody_is_asked(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
-    with served_bench(tmp_path, speed=30.0) as (at, _):
+    with served_bench(tmp_path, speed=20.0) as (at, _):
         options = ("--served", at, "--non-interactive", "--output", tmp_path / "runs")
         process = subprocess.Popen(
             station_command("run", tmp_path / "plan.yaml", *options),
