@@ -72,6 +72,13 @@ def test_a_long_gap_divides_the_record(fog: StaticDataset) -> None:
     assert [len(one) for one in fit.pieces] == [1800, 1400]
 
 
+def test_a_record_that_is_frozen_whole_gives_null(fog: StaticDataset) -> None:
+    alone = replace(fog, records=fog.records[:1])
+    found = analyse(changed(alone, np.full((SAMPLES, 1), 9.6)))
+    assert all(estimate.value is None for estimate in found.estimates)
+    assert "not-identifiable" in {flag.code for flag in found.flags}
+
+
 def test_repeatability_is_the_switch_ons_own() -> None:
     quiet = {**FOG, "B": 0.0, "K": 0.0, "switch_on": 0.0}
     found = analyse(records(np.random.default_rng(6), quiet, [SAMPLES, *[600] * 6]))

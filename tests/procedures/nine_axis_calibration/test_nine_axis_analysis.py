@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from nine_axis_records import (
@@ -37,6 +39,19 @@ def value(analysis, name: str, axis: str) -> float:
     found = analysis.estimate(name, axis).value
     assert found is not None
     return float(found)
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_the_uncertainty_of_coarse_turning_output_is_a_small_part_of_its_step(step: float) -> None:
+    clean = record(Setting())
+    turns = tuple(
+        replace(turn, rate_deg_per_s=np.round(turn.rate_deg_per_s / step) * step)
+        for turn in clean.turns
+    )
+    found = analyse(replace(clean, turns=turns))
+    assert "coarse-output" in codes(found)
+    for axis in "XYZ":
+        assert total_u(found, "scale_factor", axis) < 0.1 * step
 
 
 def test_positions_are_right_handed_and_flipped_ones_face_west() -> None:

@@ -88,7 +88,9 @@ def codes(document: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("sealed", [True, False], ids=["finished", "without-manifest"])
-@pytest.mark.parametrize("procedure", quick(PROCEDURES, *PROCEDURES[:2]))
+@pytest.mark.parametrize(
+    "procedure", quick(PROCEDURES, *PROCEDURES[:2], "fog-scale-factor-temperature")
+)
 def test_one_flipped_bit_in_raw_data_is_named_and_takes_its_unit_out(
     procedure: str, sealed: bool, run_of: Callable[[str], Path], tmp_path: Path
 ) -> None:
