@@ -20,7 +20,7 @@ with these come last: the fixture ran the line for them too.
 A process that has imported the libraries but none of our code forks for each mutant; whatever the
 fork leaves is killed. A test kills that fails twice with the mutant and passes without it. One line
 each: `killed`, `survived`, `timeout` (over `--seconds`: counts as killed), `not-covered`, or
-`not-found` where the code is no longer there. A file of results that exists is gone on with.
+`not-found` where the code is no longer there. An existing file of results is continued.
 
 A small `--budget` is quick, yet leaves out the tests that look at whole runs. What survives it is
 held against more: `run --only survived-in FIRST --budget 60 --results SECOND`; `count` and `--only`
