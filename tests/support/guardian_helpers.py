@@ -91,7 +91,8 @@ def world(
             encoding="utf-8",
         )
     try:
-        until(lambda: head.read_text(encoding="utf-8").endswith("\n"))
+        until(lambda: head.read_text(encoding="utf-8").endswith("\n") or process.poll() is not None)
+        assert process.poll() is None, "the bench is not served"
         clock = json.loads(head.read_text(encoding="utf-8").splitlines()[0])["clock"]
         yield World(process, head, float(clock["speed"]), float(clock["epoch_unix"]))
     finally:
