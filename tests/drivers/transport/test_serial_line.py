@@ -107,6 +107,7 @@ class Terminal:
         self.name = os.ttyname(slave)
         self._slave = slave
         self._answers = answers
+        self._unplugged = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
@@ -118,15 +119,19 @@ class Terminal:
     def _serve(self) -> None:
         pending = b""
         with suppress(OSError):
-            while data := os.read(self._master, 1024):
-                pending += data
+            while not self._unplugged.is_set():
+                if not select.select([self._master], [], [], 0.02)[0]:
+                    continue
+                pending += os.read(self._master, 1024)
                 while b"\r" in pending:
                     request, _, pending = pending.partition(b"\r")
                     for part in self._answers.get(request, []):
                         os.write(self._master, part)
 
     def close(self) -> None:
-        """Unplug it."""
+        """Unplug it; its thread ends first, or it would read from whoever has the handle next."""
+        self._unplugged.set()
+        self._thread.join()
         os.close(self._slave)
         os.close(self._master)
 
