@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import json
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 from tables import code, table
@@ -239,13 +240,13 @@ def flags() -> str:
     return table(("code", "sentence"), rows)
 
 
-def raised() -> Iterator[tuple[str, str]]:
-    """Yield code and sentence of every flag that the source of the station raises."""
-    for package in ("station", "procedures"):
-        spec = importlib.util.find_spec(package)
-        for folder in (spec.submodule_search_locations or ()) if spec else ():
-            for path in sorted(Path(folder).rglob("*.py")):
-                yield from flags_of(path)
+@cache
+def raised() -> tuple[tuple[str, str], ...]:
+    """Return code and sentence of every flag that the source of the station raises."""
+    specs = [importlib.util.find_spec(package) for package in ("station", "procedures")]
+    folders = [folder for spec in specs if spec for folder in spec.submodule_search_locations or ()]
+    paths = [path for folder in folders for path in sorted(Path(folder).rglob("*.py"))]
+    return tuple(flag for path in paths for flag in flags_of(path))
 
 
 def flags_of(path: Path) -> Iterator[tuple[str, str]]:

@@ -53,7 +53,7 @@ def chosen() -> list[tuple[str, str]]:
 KINDS = [
     (IN_PLANS[pair][number % len(IN_PLANS[pair])], *pair) for number, pair in enumerate(chosen())
 ]
-ONE_IN_QUICK = 14
+ONE_IN_QUICK = 20
 """Of the cases, so many are with the quick tests."""
 STEPS = [(plan, step) for plan in PLANS if plan in TRUTHS for step in steps(plan)][::3]
 """Every third step; the other faults of this module strike in many of the others."""

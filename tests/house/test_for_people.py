@@ -76,7 +76,7 @@ def failed(run: Path, to: Path, exit_code: int, message: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    "name", quick(SHORT_FORMS, "rlg-magnetic-sensitivity", "gyro-static-noise", "commissioning")
+    "name", quick(SHORT_FORMS, "rlg-magnetic-sensitivity", "gyro-static-noise")
 )
 def test_of_a_finished_run(name: str, run_of: RunOf, tmp_path: Path) -> None:
     need_sentences_of(copied(run_of(name), tmp_path))

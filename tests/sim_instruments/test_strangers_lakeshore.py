@@ -112,6 +112,7 @@ def test_the_425_answers_its_status_in_bits_and_units_by_number() -> None:
         assert ask("UNIT?") == "1"
 
 
+@pytest.mark.campaign
 def test_a_run_puts_the_unit_back_and_its_log_says_what_was_met(tmp_path: Path) -> None:
     from plan_runs import run_of, shipped_bench, shipped_plan
 

@@ -133,6 +133,7 @@ def test_a_steady_temperature_adds_no_term() -> None:
     assert not names & {"K0_T", "Ki_T"}
 
 
+@pytest.mark.campaign
 def test_outliers_missing_rows_and_all_the_rest_together() -> None:
     far = 0.0
     for seed in range(5):

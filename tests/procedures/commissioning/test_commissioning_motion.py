@@ -12,7 +12,6 @@ from commissioning_parts import plan_of
 from plan_runs import run_of, shipped_bench, shipped_plan
 from quick_yaml import dump_yaml
 from short_forms import read_bench_at
-from tiers import quick
 
 from procedures.commissioning.motion import MOTION_PART, limits
 
@@ -24,7 +23,8 @@ def short_plan() -> dict[str, Any]:
     return plan
 
 
-@pytest.mark.parametrize("bench", quick(["sim", "sim-alternate"], "sim"))
+@pytest.mark.campaign
+@pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
 def test_a_healthy_table_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     outcome = run_of(tmp_path / bench, plan_of("motion"), shipped_bench(bench))
     assert named(outcome) == set()
@@ -71,6 +71,7 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     assert stated["axis_lean"] == {"max": f"{limits.AXIS_LEAN_DEG:g} deg"}
 
 
+@pytest.mark.campaign
 def test_a_sensor_that_stands_upside_down_is_named_alone(tmp_path: Path) -> None:
     bench = shipped_bench()
     bench["instruments"]["turntable"]["simulator"]["axis_3"]["encoder_offset"] = "180 deg"

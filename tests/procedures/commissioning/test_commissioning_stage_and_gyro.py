@@ -29,6 +29,7 @@ def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, part: str) -> None:
     assert outcome.exit_code == 0
 
 
+@pytest.mark.campaign
 def test_a_bias_that_hides_one_percent_decides_no_pulse_weight(tmp_path: Path) -> None:
     vague = {**EARTH, "bias": "0.1 deg/h"}
     outcome = run_of(tmp_path / "run", short_plan("gyro", earth=vague), shipped_bench())
@@ -58,6 +59,7 @@ def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
     assert PULSE_WEIGHT_LIMIT["max"] == 1.0 + PULSE_WEIGHT
 
 
+@pytest.mark.campaign
 def test_a_gyro_that_feels_nothing_of_the_earth_fails(tmp_path: Path) -> None:
     bench = shipped_bench()
     bench["simulation"]["gyro"]["input_axis"] = {"azimuth": "90 deg", "elevation": "0 deg"}

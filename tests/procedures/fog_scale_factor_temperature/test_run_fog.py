@@ -28,6 +28,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict[str, An
     return short_run(tmp_path_factory.mktemp("fog"), seed=3)
 
 
+@pytest.mark.campaign
 def test_the_true_curve_comes_back_at_the_reference_and_at_its_largest(
     run: tuple[Outcome, dict[str, Any]],
 ) -> None:

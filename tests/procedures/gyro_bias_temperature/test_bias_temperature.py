@@ -57,6 +57,7 @@ def test_the_example_comes_out_within_its_tolerance(example: Findings) -> None:
     assert published["bias"] == pytest.approx(0.148, abs=0.001)  # the hysteresis is in it
 
 
+@pytest.mark.campaign
 def test_truth_comes_out_in_its_uncertainty() -> None:
     for case, seed in (("fibre-optic", 1), ("noisy", 2), ("no hysteresis, no lag", 3)):
         pairs = errors_in_u(CASES[case], seed)
@@ -65,6 +66,7 @@ def test_truth_comes_out_in_its_uncertainty() -> None:
             assert abs(error) < 4.0 * u, (case, name)
 
 
+@pytest.mark.campaign
 def test_a_quiet_gyro_shows_every_part_of_the_model() -> None:
     pairs = errors_in_u(Gyro(N=1e-4, B=0.0, K=0.0), 5)
     closest = {"sensor_lag": 15.0, "chamber_lag": 1.0}

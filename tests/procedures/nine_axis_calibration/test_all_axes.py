@@ -39,6 +39,7 @@ def codes(found: OtherResults) -> set[str]:
     return {one.code for one in found.flags}
 
 
+@pytest.mark.campaign
 def test_every_quantity_comes_back_within_its_uncertainty() -> None:
     together = defaultdict[str, list[float]](list)
     for seed in range(SEEDS):

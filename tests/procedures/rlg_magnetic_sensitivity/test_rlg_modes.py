@@ -186,6 +186,7 @@ def test_a_beat_of_the_pulses_is_told_with_what_would_help() -> None:
             assert f == 0.16 or find_beat(0.4 * pulses, 0.4, 1.0, 1e-3, [f], 500.0) is None
 
 
+@pytest.mark.campaign
 def test_a_run_with_all_coils_at_once_ends_by_itself_and_recovers_the_truth(
     tmp_path: Path,
 ) -> None:

@@ -99,6 +99,7 @@ def test_the_truth_stands_in_no_file_of_the_run_but_the_bench_copy(
         ), file
 
 
+@pytest.mark.campaign
 def test_the_same_plan_twice_gives_the_same_raw_files_log_and_results(
     runs: list[tuple[Outcome, dict[str, Any]]], tmp_path: Path
 ) -> None:

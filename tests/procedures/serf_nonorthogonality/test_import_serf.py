@@ -43,6 +43,7 @@ def test_the_examples_come_out_within_their_tolerance(name: str) -> None:
         assert values == pytest.approx([one / factors[0] for one in factors], abs=1e-3)
 
 
+@pytest.mark.campaign
 def test_the_report_shows_angles_checks_shots_and_spectra() -> None:
     document, findings = evaluate_dataset(read_dataset(DATA / REVERSAL))
     parts = draw_parts(findings, document)

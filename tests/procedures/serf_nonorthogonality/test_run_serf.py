@@ -119,6 +119,7 @@ def test_the_residual_field_was_nulled_and_what_is_left_is_reported(
         assert np.linalg.norm(list(looks[-1].values())) <= 0.5
 
 
+@pytest.mark.campaign
 def test_a_new_analysis_gives_the_same_bytes(
     runs: list[tuple[Outcome, dict[str, Any]]],
 ) -> None:
@@ -128,6 +129,7 @@ def test_a_new_analysis_gives_the_same_bytes(
     assert again == (folder / "results.json").read_bytes()
 
 
+@pytest.mark.campaign
 def test_a_gyro_that_was_running_is_flagged_where_step_1_is_passed_over(tmp_path: Path) -> None:
     outcome, _ = run_plan(tmp_path, 0, gyro_was_running=False)
     assert outcome.document is not None, outcome.error

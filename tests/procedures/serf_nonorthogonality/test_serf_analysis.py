@@ -37,6 +37,7 @@ def bound_deg(cell: Cell) -> np.ndarray:
     return np.degrees(np.sqrt(np.diag(found.covariance)[3:6]))
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize(
     "cell",
     [

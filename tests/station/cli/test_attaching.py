@@ -72,6 +72,7 @@ def test_whoever_attaches_answers_and_whoever_leaves_ends_nothing(tmp_path: Path
         assert status.bench_safe
 
 
+@pytest.mark.campaign
 def test_keys_from_before_a_prompt_was_read_answer_nothing(tmp_path: Path) -> None:
     with detached_run(tmp_path) as run:
         terminal = OnTerminal(tmp_path, "attach", run)

@@ -64,6 +64,7 @@ def test_the_status_of_a_finished_run(finished: Path) -> None:
     assert status.run_time_s == RunFolder(finished).events[-1].time_s
 
 
+@pytest.mark.campaign
 def test_a_run_in_another_process_is_told_while_it_goes_on_and_after_it_was_killed(
     tmp_path: Path,
 ) -> None:

@@ -240,6 +240,7 @@ def test_a_wrong_set_is_told_by_its_number_and_place(given: str, fault: str) -> 
     assert faults_of("plan.yaml", "title=first", given) == [fault]
 
 
+@pytest.mark.campaign
 def test_many_keys_are_laid_over_another_in_linear_time() -> None:
     keys = "".join(f"key_{n}: [{n}, {{a: {n}}}]\n" for n in range(10_000))
     write("base.yaml", BASE)

@@ -175,7 +175,10 @@ CORRECTIONS = [
     (RLG, "gyro_acquisition", "scale", ("magnetic_sensitivity", "IA"), SHIFT),
     (ACCELEROMETER, "gaussmeter", "field", ("Km", None), 1 / SHIFT),
     (ACCELEROMETER, "multimeter", "voltage", ("Km", None), SHIFT),
-    (SERF, "digitizer", "frequency", ("slowing_down_factor", None), 1 / SHIFT),
+    pytest.param(
+        *(SERF, "digitizer", "frequency", ("slowing_down_factor", None), 1 / SHIFT),
+        marks=pytest.mark.campaign,
+    ),
     pytest.param(
         *(NINE, "turntable", "angle", ("scale_factor", "X"), 1 / SHIFT), marks=pytest.mark.campaign
     ),

@@ -69,6 +69,7 @@ def test_a_full_disk_ends_the_run_with_a_safe_bench_and_exit_code_3(
     assert json.loads(done.stdout)["exit_code"] == 3
 
 
+@pytest.mark.campaign
 def test_a_full_disk_keeps_what_the_run_has(
     full_while_measuring: tuple[subprocess.CompletedProcess[str], Path],
 ) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from campaign_helpers import short_plan
 from short_forms import SHORT_FORMS
+from tiers import quick
 
 from station import registry
 from station.cli.replaying import replay_run
@@ -63,7 +64,7 @@ def changed(run: Path, instrument: str, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
-@pytest.mark.parametrize("which", ["rlg", "serf"])
+@pytest.mark.parametrize("which", quick(["rlg", "serf"], "rlg"))
 def test_a_recorded_run_replays_without_a_deviation(
     which: str, request: pytest.FixtureRequest
 ) -> None:

@@ -119,7 +119,9 @@ def test_a_supply_that_is_gone_is_named_and_nobody_claims_that_it_is_safe(tmp_pa
     assert not is_safe(world)
 
 
-@pytest.mark.parametrize("fault", ["no-reply", "late", "garbled", "dropped-connection"])
+@pytest.mark.parametrize(
+    "fault", quick(["no-reply", "late", "garbled", "dropped-connection"], "dropped-connection")
+)
 def test_a_supply_that_no_longer_answers_is_switched_off_and_named(
     fault: str, tmp_path: Path
 ) -> None:

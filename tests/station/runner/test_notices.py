@@ -29,6 +29,7 @@ def until(path: Path, text: str) -> str:
     return said
 
 
+@pytest.mark.campaign
 def test_a_program_is_informed_at_the_end_of_a_run(tmp_path: Path) -> None:
     told = tmp_path / "told"
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")

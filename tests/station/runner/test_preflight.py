@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from command_line import PLAN, station, with_addresses
 from small_disk import small_disk
+from tiers import quick
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
 from station.files.lookup import BENCHES, find
@@ -48,7 +49,14 @@ def with_port(port: int, folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["sim bench.yaml", f"run {NAME} --bench bench.yaml --non-interactive", "identify bench.yaml"],
+    quick(
+        [
+            "sim bench.yaml",
+            f"run {NAME} --bench bench.yaml --non-interactive",
+            "identify bench.yaml",
+        ],
+        "sim bench.yaml",
+    ),
 )
 def test_a_port_that_is_taken_is_one_sentence_naming_instrument_and_port(
     command: str, taken_port: int, tmp_path: Path
@@ -81,7 +89,9 @@ def test_a_port_that_cannot_be_one_is_a_fault_of_the_bench_file(tmp_path: Path) 
     assert "a port number goes up to 65535, got 70000" in done.stderr
 
 
-@pytest.mark.parametrize("command", ["sim bench.yaml", f"run {NAME} --bench bench.yaml"])
+@pytest.mark.parametrize(
+    "command", quick(["sim bench.yaml", f"run {NAME} --bench bench.yaml"], "sim bench.yaml")
+)
 def test_a_simulated_bench_described_wrongly_is_told_with_its_file(
     command: str, tmp_path: Path
 ) -> None:

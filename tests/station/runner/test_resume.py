@@ -164,6 +164,7 @@ def test_after_a_full_disk(plan: Path, reference: Path, tmp_path: Path) -> None:
     judged(folder, reference, lambda: go_on(folder))
 
 
+@pytest.mark.campaign
 def test_a_second_time_after_a_second_fault(
     interrupted: Path, reference: Path, tmp_path: Path
 ) -> None:
