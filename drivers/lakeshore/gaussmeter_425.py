@@ -151,10 +151,19 @@ class Lakeshore425(Driver):
 
         Before the first start it is as somebody left it, perhaps in gauss: then it is set first.
         """
+        return self._shown_mT(self._now_T())
+
+    def field_now_mT(self) -> tuple[float, float, float]:
+        """Return the field along the probe's axis now, NaN along the others; infinite beyond."""
+        field_T = self._now_T()
+        field_mT = field_T * 1e3 if abs(field_T) <= self._range_T else math.inf
+        x_mT, y_mT, z_mT = (field_mT if axis == self._axis else math.nan for axis in AXES)
+        return x_mT, y_mT, z_mT
+
+    def _now_T(self) -> float:
         if not self._gives_tesla:
             self._prepare()
-        field_T, _ = self._line.repeated("RDGFIELD?", self._newest)
-        return self._shown_mT(field_T)
+        return self._line.repeated("RDGFIELD?", self._newest)[0]
 
     def _prepare(self) -> None:
         self._keep("UNIT", TESLA)

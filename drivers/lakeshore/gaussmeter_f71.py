@@ -124,12 +124,21 @@ class LakeshoreF71(ScpiDriver):
 
         The buffer, which a step may be recording, stays as it is.
         """
+        self._give_tesla()
+        return in_mT(self._line.patient.number("FETC:DC?"))
+
+    def field_now_mT(self) -> tuple[float, float, float]:
+        """Return the components of the field now; infinite beyond the range. The buffer stays."""
+        self._give_tesla()
+        ask = self._line.patient.number
+        return in_mT(ask("FETC:DC? X")), in_mT(ask("FETC:DC? Y")), in_mT(ask("FETC:DC? Z"))
+
+    def _give_tesla(self) -> None:
+        """Have a direct field in tesla: before that it is as somebody left it, perhaps in gauss."""
         if not self._gives_tesla:
-            # Before the first start it is as somebody left it, perhaps in gauss.
             self._keep("SENS:MODE", "DC")
             self._keep("UNIT:FIELD", "TESLA")
             self._gives_tesla = True
-        return in_mT(self._line.patient.number("FETC:DC?"))
 
     def _as(self, header: str) -> tuple[Callable[[], str], Callable[[str], None]]:
         """Return what reads a setting, and what writes it."""

@@ -88,6 +88,10 @@ class InstrumentFaults:
         """Let what has become due on the bench begin or end."""
         self._schedule.catch_up()
 
+    def later(self, time_s: float, act: Callable[[float], None]) -> None:
+        """Have the instrument do something by itself at a time."""
+        self._schedule.add(time_s, act)
+
     def none_to_come(self) -> bool:
         """Let begin or end what has become due; return whether no message can meet a fault."""
         self._schedule.catch_up()

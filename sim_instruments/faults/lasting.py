@@ -99,6 +99,25 @@ class Overdrive(LastingFault):
         self.factor = truth.positive("factor", "1", 3.5)
 
 
+class Lies(LastingFault):
+    """The supply goes on as it is, ignores what it is sent, and answers off and 0 A."""
+
+    kind = "lies"
+
+
+class ComesBack(LastingFault):
+    """The output is on again, `after` 1 s unless said, with `current` 4 A; `times` 1 in all."""
+
+    kind = "comes-back"
+    options = ("after", "current", "times")
+
+    def read(self, truth: Truth) -> None:
+        """Take the options."""
+        self.after_s = truth.positive("after", "s", 1.0)
+        self.current_A = truth.quantity("current", "A", 4.0)
+        self.times = truth.integer("times", 1, 1)
+
+
 class Overheating(LastingFault):
     """The device under test is `rise` warmer than it should be, 60 K unless said."""
 

@@ -15,9 +15,11 @@ from typing import ClassVar
 import numpy as np
 
 from sim_instruments.faults.lasting import (
+    ComesBack,
     Compliance,
     Frozen,
     LastingFault,
+    Lies,
     ListRefused,
     Overdrive,
 )
@@ -62,7 +64,14 @@ class KepcoBop(ScpiDevice):
     output_stage: ClassVar[type[Output]] = Output
 
     error_queue_depth = 20
-    lasting_faults: ClassVar = (Frozen.kind, Compliance.kind, ListRefused.kind, Overdrive.kind)
+    lasting_faults: ClassVar = (
+        Frozen.kind,
+        Compliance.kind,
+        ListRefused.kind,
+        Overdrive.kind,
+        Lies.kind,
+        ComesBack.kind,
+    )
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
@@ -88,6 +97,7 @@ class KepcoBop(ScpiDevice):
         self._mode = {"CURR": "FIX", "VOLT": "FIX"}
         self._transient_s = 0.0
         self._ends_s = np.inf
+        self._came_back = 0
         self._add_source()
         limited = truth.text("current_limit", "true").lower() != "false"
         add_limit_commands(self, self._output, setting.clock, self._list_runs, limited=limited)
@@ -100,6 +110,8 @@ class KepcoBop(ScpiDevice):
 
     def operation_condition(self) -> int:
         """Return bit 8 constant voltage, bit 10 constant current, bit 14 list running."""
+        if self._lies():
+            return 0
         register = 16384 if self._list_runs() else 0
         if self._output.on:
             register |= 256 if self._output.in_voltage_mode(self._clock.now()) else 1024
@@ -150,7 +162,10 @@ class KepcoBop(ScpiDevice):
         add("OUTPut[:STATe]", self._set_output)
         self.add_settings(
             {
-                "OUTPut[:STATe]": (None, lambda: str(int(self._output.on))),
+                "OUTPut[:STATe]": (
+                    None,
+                    lambda: str(int(self._output.on and not self._lies())),
+                ),
                 "MEASure[:SCALar]:CURRent[:DC]": (None, self._measure_current),
                 "MEASure[:SCALar]:VOLTage[:DC]": (None, self._measure_voltage),
                 "SYSTem:REMote": (self._set_remote, None),
@@ -186,10 +201,29 @@ class KepcoBop(ScpiDevice):
 
     def _set_output(self, parameters: list[str]) -> None:
         on = boolean(single_parameter(parameters))
+        if self._lies():
+            return
+        now_s = self._clock.now()
+        fault = self._faults.now(ComesBack.kind)
+        if isinstance(fault, ComesBack) and self._output.on and not on:
+            self._come_back(now_s, fault)
         if not on:
             self._mode = {"CURR": "FIX", "VOLT": "FIX"}
             self._ends_s = np.inf
-        self._output.switch(self._clock.now(), on)
+        self._output.switch(now_s, on)
+
+    def _lies(self) -> bool:
+        return self._faults.now(Lies.kind) is not None
+
+    def _come_back(self, now_s: float, fault: ComesBack) -> None:
+        if self._came_back < fault.times:
+            self._came_back += 1
+
+            def switch_on(time_s: float) -> None:
+                self._output.switch(time_s, True)
+                self._output.set_level(time_s, "CURR", fault.current_A)
+
+            self._faults.later(now_s + fault.after_s, switch_on)
 
     def _set_function(self, text: str) -> None:
         mode = choice(text, FUNCTIONS)
@@ -198,6 +232,8 @@ class KepcoBop(ScpiDevice):
         self._output.set_mode(self._clock.now(), mode)
 
     def _set_level(self, kind: str, text: str) -> None:
+        if self._lies():
+            return
         if self._list_runs():
             raise ScpiError(-221)
         low, high = self._output.allowed(kind)
@@ -213,6 +249,8 @@ class KepcoBop(ScpiDevice):
     def _show_level(self, kind: str, parameters: list[str]) -> str:
         _, high = self._output.allowed(kind)
         low = -self._output.limits[kind, "NEG"]
+        if self._lies() and not parameters:
+            return scientific(0.0)
         shown = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
         if not parameters:
             return scientific(self._output.levels[kind])
@@ -224,6 +262,8 @@ class KepcoBop(ScpiDevice):
     def _set_mode(self, kind: str, parameters: list[str]) -> None:
         if not parameters:
             raise ScpiError(-109)
+        if self._lies():
+            return
         # The duration of a transient follows after a blank or a comma.
         words = " ".join(parameters).split()
         now = self._clock.now()
@@ -265,6 +305,8 @@ class KepcoBop(ScpiDevice):
         true_A = self._output.coil.recent_mean(now - FILTER_S, now)
         if self._output.contact_sticks and not self._output.on:
             true_A = 0.0  # its shunt is on the other side of the contact
+        if self._lies():
+            true_A = 0.0
         noise_A = self._read_noise_A * float(self._rng.standard_normal())
         return self._show("CURR", true_A * self._read_gain + self._read_offset_A + noise_A)
 

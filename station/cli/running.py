@@ -169,6 +169,13 @@ def report_end(outcome: Outcome) -> None:
                 f"({read_back}); switch it off by hand, or by the run that uses it"
             )
             continue
+        if reading.doubted:
+            tell(
+                f"NOT VERIFIED: {reading.instrument} may still be on: {read_back}; look at it and "
+                "at what stands in the coil, switch off by hand, then `station acknowledge` the "
+                "bench"
+            )
+            continue
         declared = role(role_of(reading.instrument))
         wanted = declared and declared.safe_state
         state = f", which is: {wanted.brought_to}" if wanted else ""
@@ -178,6 +185,9 @@ def report_end(outcome: Outcome) -> None:
         )
     if outcome.left_to:
         tell(outcome.left_to)
+    for testimony in outcome.testimonies:
+        if testimony.agrees is None:
+            tell(f"{testimony.instrument}, whether what it sees is off: {testimony.sentence}")
     for reading in outcome.safe:
         if reading.skipped:
             tell(f"{reading.instrument}: {reading.skipped}")
@@ -186,7 +196,7 @@ def report_end(outcome: Outcome) -> None:
         for left in outcome.left_out
     ]
     if (outcome.safe or outcome.outside) and not outcome.unsafe:
-        tell(whole_bench(left_out))
+        tell(whole_bench(left_out, outcome.read_when))
     elif left_out:
         tell(not_known(left_out))
     tell(f"run folder: {outcome.folder}")

@@ -39,7 +39,9 @@ def utc_today() -> date:
 
 
 def boot_seconds() -> float:
-    """Return seconds that never run backwards, for intervals of real time."""
+    """Return seconds that never run backwards, for intervals of real time; sleep counts, too."""
+    if sys.platform == "linux":
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
     return time.monotonic()
 
 

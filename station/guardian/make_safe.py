@@ -10,6 +10,7 @@ import re
 import signal
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -24,10 +25,14 @@ from station.guardian.processes import OtherProcess, end_all, let_end
 from station.guardian.watching import Duty, Peer
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.last_look import LastLook, look_last
+from station.instruments.opening import Probe, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
-from station.record.events import BENCH_READ, LEFT, SAFE_STATE, whole_bench
+from station.record.events import BENCH_READ, LEFT, ON_AGAIN, SAFE_STATE, whole_bench
 from station.roles.base import MadeSafe
-from station.safety.safe_state import ATTEMPTS, SafeOutcome, make_bench_safe
+from station.safety.acknowledgement import WITNESS, remember
+from station.safety.safe_state import ATTEMPTS, Hurry, SafeOutcome, make_bench_safe
+from station.safety.witness import Sighting, judge
 
 ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0
 FIRST_ATTEMPTS = 4
@@ -69,6 +74,9 @@ class MakeSafe:
             f"the guardian of {self._folder}",
             self._locks,
         )
+        self._bench_file = Path(instructions.bench_file) if instructions.bench_file else None
+        self._real_instruments = instructions.real
+        self._sightings: list[Sighting] = []
         self._harmless: set[str] = set()
         self._rehearsed: set[str] = set()
         self._leave = Event()
@@ -85,6 +93,10 @@ class MakeSafe:
     def hold(self, names: list[str], files: list[int]) -> None:
         """Hold a lock together with the run: it is free when both are gone."""
         self._locks.handed_on(names, files)
+
+    def see(self, sightings: Sequence[Mapping[str, Any]]) -> None:
+        """Know what witnesses saw of the sources that the run drives."""
+        self._sightings = [Sighting(**sighting) for sighting in sightings]
 
     def leave_to_peer(self) -> None:
         """Say nothing more where somebody waits for the end of what is said."""
@@ -128,24 +140,96 @@ class MakeSafe:
             self._words.tell(
                 "the run's process does not end and may keep instruments from answering"
             )
-        outcomes = self._until_safe(wanted, notes)
-        others = self._read_others(wanted)
-        notes.note(BENCH_READ, **others.to_data())
+        outcomes, look = self._until_proven(wanted, notes)
+        others = look.bench
+        notes.note(BENCH_READ, **look.to_data())
         self._saying.finish(SAYS_WITHIN_S)
         self._locks.release()
         self._at_work.end()
         peer.say(DONE)
         self._beating.set()
-        self._words.tell(summary(list(outcomes.values()), others))
+        self._words.tell(summary(list(outcomes.values()), others, look.when))
         if peer.process is not None:  # one that stands still would keep the instruments
             let_end(peer.process, LEAVES_WITHIN_S)
         notes.close()
         rests = all(map(is_verified, outcomes.values())) and not others.energised
         return EXIT_DONE if rests else EXIT_FAULT
 
-    def _until_safe(self, wanted: Sequence[str], notes: Notes) -> dict[str, SafeOutcome]:
-        """Try until everything is verified, or a person ends it."""
+    def _until_proven(
+        self, wanted: Sequence[str], notes: Notes
+    ) -> tuple[dict[str, SafeOutcome], LastLook]:
+        """Try until everything is verified and is so still at a last look, or a person ends it.
+
+        What a witness alone contradicts is named, and tried no more: it may be wrong itself.
+        """
         outcomes: dict[str, SafeOutcome] = {}
+        while True:
+            outcomes = self._until_safe(wanted, notes, outcomes)
+            look = self._look_last(outcomes, notes)
+            outcomes |= {outcome.instrument: outcome for outcome in look.used}
+            if not all(map(is_verified, outcomes.values())):
+                notes.note(SAFE_STATE, outcomes=[o.to_data() for o in outcomes.values()])
+            if all(map(is_settled, outcomes.values())) or self._leave.is_set():
+                return outcomes, look
+
+    def _look_last(self, outcomes: Mapping[str, SafeOutcome], notes: Notes) -> LastLook:
+        """Open everything once more and look; what cannot be opened is not verified."""
+        self._allow(len(outcomes))
+        names = [name for name, outcome in outcomes.items() if is_verified(outcome)]
+        witnesses = [sighting.instrument for sighting in self._sightings if sighting.change]
+        probes = self._reopening.open([*names, *(w for w in witnesses if w not in names)])
+        opened = {
+            name: probe.identified.instrument
+            for name, probe in probes.items()
+            if probe.ok and probe.identified is not None
+        }
+        known = [
+            outcome
+            if outcome.instrument in opened or not is_verified(outcome)
+            else replace(outcome, verified=False, read_back=probes[outcome.instrument].said)
+            for outcome in outcomes.values()
+        ]
+        harmful = {n: device for n, device in opened.items() if isinstance(device, MadeSafe)}
+        look = look_last(
+            harmful,
+            [o for o in known if o.instrument in harmful or not o.verified],
+            self._order,
+            self._clock,
+            Hurry(self._clock),
+            lambda only: self._read_others(list(outcomes), only),
+            lambda: [judge(s, opened.get(s.instrument), self._clock) for s in self._sightings],
+        )
+        put_settings_back(opened.values())
+        for instrument in opened.values():
+            with suppress(Exception):  # a line that is gone keeps no other from being closed
+                instrument.close()
+        for words in look.again:
+            notes.note(ON_AGAIN, message=words)
+        if doubted := [outcome for outcome in look.used if outcome.doubted]:
+            self._refuse_bench("; ".join(f"{o.instrument}: {o.read_back}" for o in doubted), probes)
+        return look
+
+    def _refuse_bench(self, words: str, probes: Mapping[str, Probe]) -> None:
+        """Have the bench refused until a person acknowledges what a witness saw."""
+        instruments = None
+        if self._real_instruments:
+            instruments = {
+                self._bench.instruments[name].address or "": (
+                    probe.identified.identity.model,
+                    probe.identified.identity.serial,
+                )
+                for name, probe in probes.items()
+                if probe.identified is not None
+            }
+        if self._bench_file is not None:
+            with suppress(OSError):
+                remember(self._bench_file, WITNESS, words, self._folder, instruments)
+
+    def _until_safe(
+        self, wanted: Sequence[str], notes: Notes, before: Mapping[str, SafeOutcome]
+    ) -> dict[str, SafeOutcome]:
+        """Try until everything is verified, or a person ends it."""
+        outcomes: dict[str, SafeOutcome] = dict(before)
         attempt, known = 0, ""
         while True:
             left = [name for name in wanted if not is_verified(outcomes.get(name))]
@@ -166,11 +250,11 @@ class MakeSafe:
                 notes.note(LEFT, message="a person ended the guardian")
                 return outcomes
 
-    def _read_others(self, names: Sequence[str]) -> BenchReading:
+    def _read_others(self, names: Sequence[str], only: Sequence[str] | None) -> BenchReading:
         """Read what else on the bench can harm, where there is room for the threads of that."""
         self._until_s = max(self._until_s, self._real.now() + 2 * ENDS_WITHIN_S)
         try:
-            return self._bystanders.read(names)
+            return self._bystanders.read(names, only=only)
         except Exception as error:  # what the run used is safe, whatever this says
             why = f"{self._bench.name}: {reason_of(error)}"
             others = [
@@ -246,6 +330,11 @@ class MakeSafe:
         return outcomes
 
 
+def is_settled(outcome: SafeOutcome | None) -> bool:
+    """Whether nothing more is to be tried: it is at rest, or a witness alone contradicts that."""
+    return is_verified(outcome) or (outcome is not None and outcome.doubted)
+
+
 def is_verified(outcome: SafeOutcome | None) -> bool:
     """Whether an instrument is known to be at rest."""
     return outcome is not None and outcome.verified
@@ -260,8 +349,10 @@ def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
     return NUMBER.sub("#", "; ".join(states))
 
 
-def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None) -> str:
-    """Return what an operator must know of how the bench was left.
+def summary(
+    outcomes: Sequence[SafeOutcome], others: BenchReading | None = None, when: str = ""
+) -> str:
+    """Return what an operator must know of how the bench was left, `when` it was looked at last.
 
     `others` is what was read of the instruments that the run did not use.
     """
@@ -270,8 +361,13 @@ def summary(outcomes: Sequence[SafeOutcome], others: BenchReading | None = None)
     if not unverified:
         read_back = "; ".join(f"{outcome.instrument} {outcome.read_back}" for outcome in outcomes)
         whole = whole_bench(left.to_data() for left in others.left_out)
-        return f"{whole}: {read_back or 'nothing can harm'}"
+        return f"{whole}: {read_back or 'nothing can harm'}{when}"
     read_back = "".join(
         f"\n  - {outcome.instrument}: {outcome.read_back}" for outcome in unverified
     )
-    return f"NOT VERIFIED as safe; go to the bench and switch off by hand:{read_back}"
+    acknowledge = (
+        "; then `station acknowledge` the bench"
+        if any(outcome.doubted for outcome in unverified)
+        else ""
+    )
+    return f"NOT VERIFIED as safe; go to the bench and switch off by hand{acknowledge}:{read_back}"

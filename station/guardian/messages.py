@@ -116,6 +116,8 @@ WATCH = "watch"
 """From the run, with `instruments`: these are to be made safe from now on."""
 LOCKS = "locks"
 """From the run, with the names of locks in `keys` and the locked files: hold them, too."""
+WITNESSES = "witnesses"
+"""From the run, with `sightings`: what second instruments saw of the sources that are driven."""
 PEER = "peer"
 """From the run, with a socket and the `pid` at its other end: the other guardian."""
 HAND_OVER = "hand-over"
@@ -139,6 +141,8 @@ class Instructions:
     ready, `addresses` replace those of the bench file; `speed` and `epoch_unix` are the run's time.
     The guardian of rank 0 acts first, that of rank 1 when the first is gone or stands still.
     `world` sets the instruments of a simulated bench apart from others that report the same.
+    `bench_file` is the bench file as the operator named it, which is refused where a witness
+    contradicts what was read back; `real` whether its instruments are.
     """
 
     folder: str
@@ -150,6 +154,8 @@ class Instructions:
     epoch_unix: float
     rank: int = 0
     world: str = ""
+    bench_file: str = ""
+    real: bool = False
 
     def to_data(self) -> dict[str, Any]:
         """Return the instructions as plain data."""

@@ -28,6 +28,7 @@ from station.guardian.messages import (
     LOOKS_EVERY_S,
     PEER,
     WATCH,
+    WITNESSES,
     Instructions,
     Looks,
     line_of,
@@ -68,7 +69,7 @@ class Guardian:
     `bench` is the resolved bench file, by default the run folder's; `instruments` are those that
     the run uses, by default all of the bench. What becomes of a guardian is said by `on_lost` and
     noted by `note`, in a thread of this object's own. A sign of life is given only where
-    `may_beat` says that the run lives.
+    `may_beat` says that the run lives. `bench_file` and `real` are as of `Instructions`.
     """
 
     def __init__(
@@ -84,6 +85,8 @@ class Guardian:
         on_lost: Callable[[str], None] = tell,
         note: Callable[..., None] = no_event,
         may_beat: Callable[[], bool] = lambda: True,
+        bench_file: Path | None = None,
+        real: bool = False,
     ) -> None:
         if not isinstance(clock, RealClock):
             raise GuardianFailed("a bench that is simulated in this process ends with it")
@@ -99,8 +102,11 @@ class Guardian:
             speed=clock.speed,
             epoch_unix=clock.epoch_unix,
             world=world,
+            bench_file=str(bench_file.resolve()) if bench_file else "",
+            real=real,
         )
         self._watched: list[str] = []
+        self._sightings: list[dict[str, Any]] = []
         self._locks: list[tuple[list[str], list[int]]] = []
         self._known = Event()
         """Whether it is known that both are ready, or why not."""
@@ -154,6 +160,15 @@ class Guardian:
 
         if not self._in_thread(begin) or not reached:
             raise GuardianFailed("the guardian of the run has ended; run again")
+
+    def sees(self, sightings: list[dict[str, Any]]) -> None:
+        """Let the guardians know what witnesses saw; returns at once."""
+
+        def inform() -> None:
+            self._sightings = sightings
+            self._tell_all(message_of(WITNESSES, sightings=sightings))
+
+        self._ask(inform)
 
     def dismiss(self) -> None:
         """Let the guardians go: the run has made the bench safe itself. Takes 7 s at most."""
@@ -298,6 +313,7 @@ class Guardian:
         if hasattr(socket, "send_fds"):
             for names, files in self._locks:
                 partner.channel.send(message_of(LOCKS, names=names), files)
+        partner.channel.send(message_of(WITNESSES, sightings=self._sightings))
         return partner.channel.send(message_of(WATCH, instruments=self._watched))
 
     def _there(self) -> list[Partner]:

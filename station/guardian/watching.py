@@ -6,7 +6,7 @@ Each guardian acts where the other cannot.
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait as wait_for_any
@@ -26,6 +26,7 @@ from station.guardian.messages import (
     SILENT_FOR_S,
     WAITS,
     WATCH,
+    WITNESSES,
     Channel,
     Looks,
     Silence,
@@ -115,6 +116,10 @@ class Ready(Protocol):
         """Hold a lock together with the run."""
         ...
 
+    def see(self, sightings: Sequence[Mapping[str, Any]]) -> None:
+        """Know what witnesses saw of the sources that the run drives."""
+        ...
+
     def leave_to_peer(self) -> None:
         """Let the other guardian be who speaks to the operator."""
         ...
@@ -196,6 +201,8 @@ class Watching:
                 self._handed_over = str(message.get("why"))
             case word if word == LOCKS:
                 self._ready.hold(message["names"], files)
+            case word if word == WITNESSES:
+                self._ready.see(message["sightings"])
             case word if word == PEER:
                 self._peer.becomes(files[0], message["pid"])
             case word if word == WATCH:

@@ -7,7 +7,7 @@ or read.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
@@ -143,13 +143,19 @@ class Bystanders:
     own: InstrumentLocks | None = None
     trace: Trace | None = None
 
-    def read(self, used: Collection[str], waiting: Clock | None = None) -> BenchReading:
+    def read(
+        self,
+        used: Collection[str],
+        waiting: Clock | None = None,
+        only: Sequence[str] | None = None,
+    ) -> BenchReading:
         """Read every instrument that can harm and is not `used`; never raises for one of them.
 
         On a real clock all are read at once, and what has not answered after 10 s is left out.
-        `waiting` is the clock whose interruptions end this early; without it nothing does.
+        `waiting` is the clock whose interruptions end this early; without it nothing does. `only`
+        these are read where it is given.
         """
-        names = bystanders_of(self.bench, used)
+        names = bystanders_of(self.bench, used) if only is None else only
         if isinstance(self.clock, RealClock):
             readings = self._at_once(names, waiting or RealClock())
         else:  # one participant at a time: this one
@@ -167,43 +173,11 @@ class Bystanders:
         return BenchReading(outside=read, left_out=left_out)
 
     def _at_once(self, names: Sequence[str], waiting: Clock) -> dict[str, Any]:
-        """Read in threads, those with one address one after the other; nothing waits for ever.
-
-        A thread that has not ended by then holds nothing but its own line, and ends by itself.
-        """
+        """Read in threads, those with one address one after the other."""
         by_address: dict[str, list[str]] = {}
         for name in names:
             by_address.setdefault(self._address(name).strip().lower(), []).append(name)
-        due: SimpleQueue[list[str]] = SimpleQueue()
-        for group in by_address.values():
-            due.put(group)
-        answers: SimpleQueue[tuple[str, SafeOutcome | LeftOut | None]] = SimpleQueue()
-
-        def work() -> None:
-            with suppress(Empty):
-                while True:
-                    for name in due.get_nowait():
-                        answers.put((name, self._read_one(name)))
-
-        readers = [
-            Thread(target=work, name=f"reads the bench {number + 1}", daemon=True)
-            for number in range(min(MOST_AT_ONCE, len(by_address)))
-        ]
-        with suppress(RuntimeError):  # no memory for more: those that began do the work
-            for reader in readers:
-                reader.start()
-        readings: dict[str, Any] = {}
-        real = RealClock()
-        began = any(reader.ident for reader in readers)
-        while began and len(readings) < len(names) and real.now() < WITHIN_S:
-            try:
-                with suppress(Hurried):
-                    waiting.sleep(0.0)
-                name, reading = answers.get(timeout=0.05)
-                readings[name] = reading
-            except Empty:
-                continue
-        return readings
+        return at_once(list(by_address.values()), self._read_one, waiting)
 
     def _address(self, name: str) -> str:
         return self.addresses.get(name, self.bench.instruments[name].address or "")
@@ -253,8 +227,50 @@ class Bystanders:
         rests = reading.safe or getattr(reading, "dormant", False)
         if rests and not ok:
             return LeftOut(name, "another serial number answers", said)
-        took_s = self.clock.now() - began_s
-        return SafeOutcome(name, rests, reading.read_back, took_s, used=False)
+        read_s = self.clock.now()
+        took_s = read_s - began_s
+        return SafeOutcome(name, rests, reading.read_back, took_s, used=False, read_s=read_s)
+
+
+def at_once(
+    groups: Sequence[Sequence[str]], read: Callable[[str], Any], waiting: Clock
+) -> dict[str, Any]:
+    """Read in threads, 10 s of real time at most; those of one group one after the other.
+
+    A thread that has not ended by then holds nothing but its own line, and ends by itself.
+    `waiting` is the clock whose interruptions end this early.
+    """
+    due: SimpleQueue[Sequence[str]] = SimpleQueue()
+    for group in groups:
+        due.put(group)
+    answers: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+
+    def work() -> None:
+        with suppress(Empty):
+            while True:
+                for name in due.get_nowait():
+                    answers.put((name, read(name)))
+
+    readers = [
+        Thread(target=work, name=f"reads the bench {number + 1}", daemon=True)
+        for number in range(min(MOST_AT_ONCE, len(groups)))
+    ]
+    with suppress(RuntimeError):  # no memory for more: those that began do the work
+        for reader in readers:
+            reader.start()
+    readings: dict[str, Any] = {}
+    real, wanted = RealClock(), sum(map(len, groups))
+    if not any(reader.ident for reader in readers):  # no memory for one: here, then
+        work()
+    while len(readings) < wanted and real.now() < WITHIN_S:
+        try:
+            with suppress(Hurried):
+                waiting.sleep(0.0)
+            name, reading = answers.get(timeout=0.05)
+            readings[name] = reading
+        except Empty:
+            continue
+    return readings
 
 
 def why_left_out(error: InstrumentError) -> str:

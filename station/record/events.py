@@ -138,6 +138,10 @@ def paused_s(events: Sequence[Event], since_s: float, now_s: float) -> float:
 
 SAFE_STATE = "safe-state"
 BENCH_READ = "bench-read"
+TIME_MISSED = "time-missed"
+"""The run's process, and whoever watches it, did not run for a while."""
+ON_AGAIN = "on-again"
+"""What was switched off was on again at the last look, or a witness said so."""
 LEFT = "left"
 """A person ended a guardian that went on trying."""
 
@@ -179,14 +183,15 @@ def latest_left_out(
     return list(kinds_seen[-1]) if kinds_seen else []
 
 
-def whole_bench(left_out: Iterable[Mapping[str, str]]) -> str:
+def whole_bench(left_out: Iterable[Mapping[str, str]], when: str = "") -> str:
     """Return the sentence on a bench of which everything that was read is at rest.
 
-    What was not read comes first: with it nobody can call the bench safe.
+    What was not read comes first: with it nobody can call the bench safe. `when` it was read
+    follows.
     """
     if unknown := not_known(left_out):
-        return f"{unknown}; every other instrument that can harm was read back as safe"
-    return "the bench is safe, read back from every instrument that can harm"
+        return f"{unknown}; every other instrument that can harm was read back as safe{when}"
+    return f"the bench is safe, read back from every instrument that can harm{when}"
 
 
 def not_known(left_out: Iterable[Mapping[str, str]]) -> str:

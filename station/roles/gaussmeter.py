@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol, runtime_checkable
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from station.roles.base import SampledSource
-from station.roles.role import TEMPERATURE, Quantity, Role
+from station.roles.role import TEMPERATURE, Quantity, Role, Witness
+from station.units import parse_as
 
 
 @runtime_checkable
@@ -32,6 +34,24 @@ class Gaussmeter(SampledSource, Protocol):
         ...
 
 
+@runtime_checkable
+class SeesField(Protocol):
+    """A field meter that can be asked whether a coil is off: the components now, by the probe."""
+
+    def field_now_mT(self) -> tuple[float, float, float]:
+        """Return x, y, z in mT; NaN what it cannot see, infinite what is beyond its range."""
+        ...
+
+
+def field_of_source_mT(bounds: Mapping[str, float], settings: Mapping[str, Any]) -> float | None:
+    """Return the field that a coil supply makes at the bounds of a command; None where unknown."""
+    if bounds.get("field_mT") is not None:
+        return abs(bounds["field_mT"])
+    if bounds.get("current_A") is None or "coil_constant" not in settings:
+        return None
+    return abs(bounds["current_A"] * parse_as(str(settings["coil_constant"]), "mT/A"))
+
+
 GAUSSMETER = Role(
     "gaussmeter",
     Gaussmeter,
@@ -41,4 +61,5 @@ GAUSSMETER = Role(
         "temperature": TEMPERATURE,
     },
     start_samples=lambda source: source.start(largest_field_mT=1.0),
+    witness=Witness("mT", "field_now_mT", ("x_T", "y_T", "z_T"), 1e3, field_of_source_mT),
 )

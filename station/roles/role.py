@@ -69,6 +69,32 @@ TEMPERATURE = Quantity("degC", period_s=10.0)
 
 
 @dataclass(frozen=True)
+class Witness:
+    """What an instrument of a role shows of what others drive: a vector in `unit`.
+
+    `read` asks an opened instrument for its components now, NaN what it does not see and infinite
+    what is beyond its range; a driver without the verb `verb` is no witness. In its record they
+    are the `columns`, each times `scale`. `expected` returns what a source with these bounds of a
+    command and these settings of the bench file should change, None where that is not known.
+    """
+
+    unit: str
+    verb: str
+    columns: tuple[str, ...]
+    scale: float
+    expected: Callable[[Mapping[str, float], Mapping[str, Any]], float | None]
+
+    def can_read(self, instrument: object) -> bool:
+        """Whether a driver has the verb."""
+        return callable(getattr(instrument, self.verb, None))
+
+    def read(self, instrument: object) -> tuple[float, ...]:
+        """Return the components now; raises InstrumentError."""
+        components: tuple[float, ...] = getattr(instrument, self.verb)()
+        return components
+
+
+@dataclass(frozen=True)
 class SafeState:
     """What `make_safe` brings an instrument of a role to, and what `read_safety` reads to prove it.
 
@@ -89,6 +115,7 @@ class Role:
     are those that procedures read, whatever the model. `quantities` are what interlocks may watch.
     A role without a `safe_state` cannot harm. `start_samples` starts a source of samples for the
     conformance tests. `reads_device`: what it records is the output of the device under test.
+    `witness`: it sees what instruments of other roles drive, and is asked when all is to be off.
     """
 
     name: str
@@ -100,6 +127,7 @@ class Role:
     safe_state: SafeState | None = None
     start_samples: Callable[[Any], None] | None = None
     reads_device: bool = False
+    witness: Witness | None = None
 
     def __post_init__(self) -> None:
         for name in (self.name, *self.members, *self.limits, *self.quantities):
@@ -262,6 +290,14 @@ def energised_states(instance: str) -> Mapping[str, str]:
     """Return by quantity the state that says of an instance that it is energised or moves."""
     declared = quantities_of(instance).items()
     return {name: quantity.energised for name, quantity in declared if quantity.energised}
+
+
+def turns(instance: str) -> bool:
+    """Whether an instrument turns what stands on it."""
+    declared = role(role_of(instance))
+    if declared is None or declared.safe_state is None:
+        return False
+    return any(limit.unit == "deg/s" for limit in declared.limits.values())
 
 
 def roles_of(driver: type) -> list[str]:

@@ -27,7 +27,7 @@ from station.files.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.instruments.bench import Bench
 from station.procedure import Procedures, as_declared, procedure_of
-from station.record.events import RESUMED
+from station.record.events import RESUMED, SAFE_STATE, TIME_MISSED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import MANIFEST, write_manifest
@@ -117,6 +117,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
         )
     flags.extend(flags_of_gaps(folder))
     flags.extend(flags_of_guardians(folder))
+    flags.extend(flags_of_missed_time(folder))
     run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
     used = used_instruments(folder)
     for name, entry in bench.instruments.items():
@@ -135,6 +136,17 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
             details={"instrument": name},
         )
         for name, read_back in left_unverified(folder, bench).items()
+    )
+    flags.extend(
+        Flag(
+            "ambient-changed",
+            f"The {witness['instrument']} does not read at the end what it read before: "
+            f"{witness['sentence']}. The ambient field changed, or something magnetic was left.",
+            details={"instrument": witness["instrument"]},
+        )
+        for event in list(folder.events_of(SAFE_STATE))[-1:]
+        for witness in event.details.get("witnesses", ())
+        if witness["ambient"]
     )
     if unread := left_out(folder):
         listed = " and ".join(f"{name} ({why})" for name, why in unread.items())
@@ -170,6 +182,19 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
                 f"The run was resumed by other software than it began with: {listed}.",
                 details={"changed": changed},
             )
+
+
+def flags_of_missed_time(folder: RunFolder) -> Iterator[Flag]:
+    """Yield a flag where nothing of the run ran for a while, its watching included."""
+    missed = [event.details for event in folder.events_of(TIME_MISSED)]
+    if missed:
+        listed = ", ".join(f"{m['seconds']:.0f} s until {m['at_s']:.0f} s" for m in missed)
+        yield Flag(
+            "time-missed",
+            f"The run stood still, and nobody watched the bench: {listed} of run time. Its process "
+            "was stopped, or the computer slept.",
+            details={"seconds": [m["seconds"] for m in missed]},
+        )
 
 
 def flags_of_guardians(folder: RunFolder) -> Iterator[Flag]:

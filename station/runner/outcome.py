@@ -12,9 +12,11 @@ from station.clock import ClockError
 from station.errors import EXIT_FAULT, StationError, place_of, reason_of
 
 if TYPE_CHECKING:
+    from station.instruments.last_look import LastLook
     from station.instruments.whole_bench import LeftOut
     from station.results import ResultDocument
     from station.safety.safe_state import SafeOutcome
+    from station.safety.witness import WitnessReport
 
 NO_MEMORY = "this computer has no memory left; end other programs"
 WITHOUT_MEMORY = (
@@ -49,6 +51,10 @@ class Outcome:
     """How everything else on the bench that can harm was read."""
     left_out: list[LeftOut] = field(default_factory=list)
     """What can harm and was not read back: another run holds it, or it does not answer."""
+    testimonies: list[WitnessReport] = field(default_factory=list)
+    """What a second instrument said of what was switched off."""
+    read_when: str = ""
+    """When the bench was looked at last, and how old the oldest reading was then."""
     left_to: str = ""
     """Who goes on trying where not everything could be verified as safe, for the operator."""
 
@@ -67,6 +73,17 @@ class Outcome:
     def unsafe(self) -> list[SafeOutcome]:
         """Instruments whose safe state could not be verified."""
         return [outcome for outcome in self.safe if not outcome.verified]
+
+    def take(self, look: LastLook) -> None:
+        """Take how the bench was left."""
+        self.safe = [*look.used, *look.bench.energised]
+        self.outside, self.left_out = list(look.bench.outside), list(look.bench.left_out)
+        self.testimonies, self.read_when = list(look.testimonies), look.when
+
+    @property
+    def doubted(self) -> list[SafeOutcome]:
+        """Those that read back as safe themselves, and a second instrument contradicts."""
+        return [outcome for outcome in self.unsafe if outcome.doubted]
 
     @property
     def left_unsafe(self) -> list[SafeOutcome]:

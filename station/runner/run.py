@@ -13,6 +13,7 @@ from station.errors import InputError
 from station.method.prompts import Prompt
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
+from station.roles.role import turns
 from station.runner.live import LiveBoard
 from station.runner.notices import Notices
 from station.runner.operator import Operator
@@ -20,6 +21,7 @@ from station.runner.progress import Progress
 from station.safety.interlocks.contact_test import ContactTest
 from station.safety.readings import Readings
 from station.safety.safe_state import not_off
+from station.safety.witness import Witnesses, witness_of
 
 if TYPE_CHECKING:
     from station.control.requests import Control
@@ -94,6 +96,8 @@ class Run:
         self.readings = Readings(clock)
         """What drivers published last, and what they noted."""
         self.live = LiveBoard(clock, self.readings)
+        self.witnesses = Witnesses()
+        """What second instruments see of the sources that are driven."""
         command = bench.file.notify.command if bench.file.notify else ()
         self.notices = Notices(command, record.path, bench.name, plan.dut.serial)
         self._said: set[tuple[str, str]] = set()
@@ -142,7 +146,21 @@ class Run:
         if command not in self._prepared:
             self.prepare(command)
         self.live.commanded(command.instrument, command.words(self.bench))
+        if turns(command.instrument):
+            self.witnesses.moved(f"the {command.instrument} turned since")
+        else:
+            self.witnesses.drives(command.instrument, self._expected(command))
         return command.apply(self, self._prepared.pop(command))
+
+    def _expected(self, command: Command[Any]) -> dict[str, float]:
+        """Return the change that each witness should see of a command, by witness."""
+        bounds: dict[str, Any] = {**command.bounds(self.bench)}
+        settings = self.bench.instruments[command.instrument].settings
+        expected = {}
+        for name in self.witnesses.sightings:
+            if (witness := witness_of(name)) is not None:
+                expected[name] = witness.expected(bounds, settings) or 0.0
+        return expected
 
     def state(self, kind: type[State], *arguments: Any) -> State:
         """Return what the steps of this process keep from one to the next, made when first asked.
@@ -253,6 +271,11 @@ class Run:
         self.record.event(
             "prompt", id=prompt.id, text=prompt.text, answer=answer.text, by=answer.by, of=of
         )
+        if of == "step" and prompt.physical:
+            self.witnesses.moved(f"somebody was at the bench since ({prompt.id})")
+        for name in self.witnesses.sightings:
+            if prompt.id in getattr(self.instruments[name], "prompts", {}):
+                self.witnesses.moved(f"the {name} was turned since ({prompt.id})", witness=name)
         return answer.text
 
     @contextmanager

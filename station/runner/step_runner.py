@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,15 +17,17 @@ from station.control.signals import AbortSignals
 from station.errors import EXIT_FAULT, InterlockTripped, StationError
 from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Identified, open_instruments, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
+from station.record.events import ON_AGAIN, SAFE_STATE, TIME_MISSED
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.runner.watchers import FolderWatch, StayingAwake, Stillness
-from station.safety.acknowledgement import refuse_identified, remember_trip
+from station.safety.acknowledgement import WITNESS, refuse_identified, remember
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
 from station.safety.safe_state import SafeOutcome, make_bench_safe
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
 BALLAST_BYTES = 16_000_000
 """Memory that is given back when a run fails, so that making the bench safe has some."""
 READS_THE_REST_WITHIN_S = 20.0
-"""Real time to read what the plan did not use, half of it at most, or to put settings back."""
+"""Real time without a sign of life while all is read once more and settings are put back."""
 
 
 class StepRunner:
@@ -102,7 +104,7 @@ class StepRunner:
             signals.hang_up = lambda: self._guardian is not None and run.hang_up()
             if isinstance(run.clock, RealClock):
                 self._stillness = stack.enter_context(
-                    Stillness(run.clock, signals, lambda: self._make_safe(signals))
+                    Stillness(run.clock, signals, lambda: self._make_safe(signals), self._missed)
                 )
                 self._folder_watch = stack.enter_context(FolderWatch(run.record, run.clock))
             try:
@@ -129,14 +131,21 @@ class StepRunner:
                     self._stillness.run_ends()
                 if self._monitor is not None:
                     self._monitor.stop()
-                outcome.safe = self._make_safe(signals)
-                read = self._read_the_rest(outcome)
+                look = self._bring_to_rest(outcome, signals)
                 run.clock.interrupt(None)
-                self._conclude(outcome, failure, read)
+                self._conclude(outcome, failure, look)
         if outcome.unsafe:
             outcome.exit_code = EXIT_FAULT
 
-    def _conclude(self, outcome: Outcome, failure: Exception | None, read: BenchReading) -> None:
+    def _missed(self, seconds: float) -> None:
+        """Take note that the run and whoever watches it did not run; called from any thread."""
+        self._run.record.later(TIME_MISSED, seconds=round(seconds, 1))
+        self._run.progress.say(
+            f"WARNING: this run did not run for {seconds:.0f} s, and nobody watched the bench: its "
+            "process was stopped, or the computer slept; look at the instruments"
+        )
+
+    def _conclude(self, outcome: Outcome, failure: Exception | None, look: LastLook) -> None:
         """Write how the run ended, and give everything back; the bench is as it will be.
 
         The guardian stays until all of that is done: a disk that stands still ends no run.
@@ -145,11 +154,14 @@ class StepRunner:
         if failure is not None:
             for cause in self._causes(run.record.presence.cause_of(failure)):
                 self._failed(outcome, cause)
-        with run.clock.allow(READS_THE_REST_WITHIN_S):
-            put_settings_back(run.instruments.values())
         run.log_notes()
         self._remember_trip()
-        run.record.note("safe-state", **read.to_data())
+        for words in look.again:
+            run.record.note(ON_AGAIN, message=words)
+        run.record.note(SAFE_STATE, **look.to_data())
+        if doubted := outcome.doubted:
+            words = "; ".join(f"{reading.instrument}: {reading.read_back}" for reading in doubted)
+            self._remember(WITNESS, words, set())
         self._close()
         run.record.note("run-ended", complete=outcome.error is None)
         run.record.close()
@@ -161,10 +173,11 @@ class StepRunner:
 
     def _let_guardian_go(self, guardian: Guardian, outcome: Outcome) -> None:
         """Dismiss the guardian from what was proven safe; else it is to go on."""
-        if not outcome.left_unsafe:
+        left = [reading for reading in outcome.left_unsafe if not reading.doubted]
+        if not left:
             guardian.dismiss()
             return
-        names = ", ".join(reading.instrument for reading in outcome.left_unsafe)
+        names = ", ".join(reading.instrument for reading in left)
         outcome.left_to = guardian.hand_over(f"the run could not verify as safe: {names}")
 
     def _guard(self) -> None:
@@ -185,6 +198,8 @@ class StepRunner:
                 on_lost=self._run.progress.say,
                 note=self._run.record.later,
                 may_beat=self._stillness.may_beat if self._stillness else lambda: True,
+                bench_file=self._bench_file,
+                real=self._session.real,
             )
 
     def _open(self) -> None:
@@ -232,6 +247,7 @@ class StepRunner:
             # What is reached over another's line has no rest of its own to be brought to.
             names = [name for name in self._opened if not self._run.bench.instruments[name].shares]
             self._guardian.watch(names, self._locks)
+            self._run.witnesses.informs(self._guardian.sees)
         if self._awake is not None and (why := self._awake.refused()):
             self._run.record.event("sleep-allowed", message=f"the computer may go to sleep: {why}")
         self._monitor.check_once()
@@ -252,25 +268,48 @@ class StepRunner:
         for left in others.left_out:
             run.progress.say(f"WARNING: not read before the run: {left.said}")
         read.refuse_energised()
+        run.witnesses.open(run.instruments)
 
-    def _read_the_rest(self, outcome: Outcome) -> BenchReading:
-        """Read what the plan did not use: it may have been energised meanwhile."""
-        with self._run.clock.allow(READS_THE_REST_WITHIN_S):
-            others = self._bystanders.read(self._run.instruments)
-        read = BenchReading(outcome.safe, others.outside, others.left_out)
-        outcome.safe = [*outcome.safe, *read.energised]
-        outcome.outside, outcome.left_out = list(read.outside), list(read.left_out)
-        return read
+    def _bring_to_rest(self, outcome: Outcome, signals: AbortSignals) -> LastLook:
+        """Make the bench safe, put settings back, and look at everything once more.
 
-    def _make_safe(self, signals: AbortSignals) -> list[SafeOutcome]:
-        """Bring the bench to rest from this thread; others that want to wait for that."""
+        The witnesses' settings come last: they are asked in the units that the run has set.
+        """
+        run = self._run
+        outcomes = self._make_safe(signals, says_so=False)
+        devices = run.instruments.values()
+        harmful = [device for device in devices if isinstance(device, MadeSafe)]
+        with run.clock.allow(READS_THE_REST_WITHIN_S):
+            put_settings_back(harmful)
+            look = look_last(
+                run.instruments,
+                outcomes,
+                run.bench.safe_order(),
+                run.clock,
+                signals.hurry,
+                lambda only: self._bystanders.read(run.instruments, only=only),
+                lambda: run.witnesses.testify(run.clock),
+            )
+            put_settings_back(
+                device for device in run.instruments.values() if device not in harmful
+            )
+        outcome.take(look)
+        if run.control is not None:
+            run.control.made_safe(look.used)
+        return look
+
+    def _make_safe(self, signals: AbortSignals, *, says_so: bool = True) -> list[SafeOutcome]:
+        """Bring the bench to rest from this thread; others that want to wait for that.
+
+        `says_so`: whether others learn now how the bench was left, since nobody looks again.
+        """
         run = self._run
         with run.clock.allow(math.inf):  # whoever is at it gives signs of life
             self._making_safe.__enter__()
         try:
             order = run.bench.safe_order()
             outcomes = make_bench_safe(run.instruments, order, run.clock, signals.hurry)
-            if run.control is not None:
+            if says_so and run.control is not None:
                 run.control.made_safe(outcomes)
             return outcomes
         finally:
@@ -332,17 +371,26 @@ class StepRunner:
 
         A real one is known by its instruments: those that can harm, and those the interlock sees.
         """
-        trip, instruments = self._trip, None
-        if trip is None or self._session.replayed:
-            return
-        if self._session.real:
-            opened = self._run.instruments
-            concerned = {name for name in opened if isinstance(opened[name], MadeSafe)}
+        trip = self._trip
+        if trip is not None:
+            concerned = set[str]()
             for interlock in self._interlocks:
                 if interlock.name == trip.name:
                     concerned |= interlock.instruments
-            instruments = self._said(sorted(concerned))
+            self._remember(trip.name, str(trip), concerned)
+
+    def _remember(self, name: str, message: str, concerned: Set[str]) -> None:
+        """Have this bench refused until a person acknowledges; a real one by its instruments.
+
+        `concerned` are instruments that this is about beside those that can harm.
+        """
+        if self._session.replayed:
+            return
+        opened, instruments = self._run.instruments, None
+        if self._session.real:
+            harmful = {name for name in opened if isinstance(opened[name], MadeSafe)}
+            instruments = self._said(sorted(harmful | concerned))
         try:
-            remember_trip(self._bench_file, trip, self._run.record.path, instruments)
+            remember(self._bench_file, name, message, self._run.record.path, instruments)
         except OSError as error:
-            tell(f"the trip could not be noted ({error}): this bench will not be refused")
+            tell(f"this could not be noted ({error}): the bench will not be refused")

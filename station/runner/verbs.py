@@ -83,6 +83,7 @@ def keep(run: Run, unit: str, source: Source | Burst, block: Block) -> NDArray[A
     if len(rows):
         run.record.block(source.source, unit, source.columns, rows)
         run.live.came(source.source, rows)
+        run.witnesses.came(source.source, rows)
     return rows
 
 

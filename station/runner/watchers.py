@@ -22,7 +22,7 @@ from contextlib import suppress
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from station.clock import Clock, Pulse, Quiet, RealClock
+from station.clock import Clock, Pulse, Quiet, RealClock, boot_seconds
 from station.console import tell
 from station.control.signals import wishes
 from station.errors import RecordError, StationError
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 LONGEST_SILENCE_S = 10.0
 """Real time. An exchange takes 0.5 s, a sleep gives signs of life, a disk may have to spin up."""
 LOOKS_EVERY_S = 0.25
+MISSES_S = 5.0
+"""Real time; a process that is not stopped, on a computer that does not sleep, looks sooner."""
 OBEYS_WITHIN_S = 5.0
 """Real time that a run has to take up a wish that it end."""
 REACTS_WITHIN_S = 1.5
@@ -49,7 +51,8 @@ class StoodStill(StationError):
 class Stillness:
     """Watch over the signs of life of a run on real time; a context.
 
-    `make_safe` brings the bench to rest from another thread than the steps'.
+    `make_safe` brings the bench to rest from another thread than the steps'. `missed` is called
+    with the seconds for which nothing of this process ran at all.
     """
 
     def __init__(
@@ -57,10 +60,12 @@ class Stillness:
         clock: RealClock,
         signals: AbortSignals,
         make_safe: Callable[[], Sequence[SafeOutcome]],
+        missed: Callable[[float], None] = lambda seconds: None,
     ) -> None:
         self._clock = clock
         self._signals = signals
         self._make_safe = make_safe
+        self._missed = missed
         self._pulse: Pulse | None = None
         self._ended, self._due = Event(), Event()
         self._run_ends, self._acting = False, False
@@ -120,7 +125,11 @@ class Stillness:
     def _watch(self) -> None:
         if hasattr(signal, "pthread_sigmask"):  # so that this thread sees those that wait
             signal.pthread_sigmask(signal.SIG_BLOCK, wishes())
+        looked_s = boot_seconds()
         while not self._ended.wait(LOOKS_EVERY_S):
+            before_s, looked_s = looked_s, boot_seconds()
+            if looked_s - before_s > MISSES_S:
+                self._missed(looked_s - before_s)
             quiet = self._clock.quiet_pulses()
             if not quiet and self._disobeyed():
                 quiet = (Quiet(f"{STEPS}, asked to end,", OBEYS_WITHIN_S),)

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.clock import utc_now
-from station.errors import InterlockTripped, NotAcknowledged
+from station.errors import NotAcknowledged
 from station.files.faults import FaultList
 from station.files.yaml.reading import read_yaml
 from station.safety import trip_notes
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 APPLICATION = "inertial-station"
 HISTORY = "acknowledged.jsonl"
 TRIPPED = "tripped"
+WITNESS = "witness"
+"""In the place of an interlock: a second instrument contradicts a source that says it is off."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +95,6 @@ def addresses_in(bench: Path) -> list[str]:
         return [str(entry["address"]) for entry in entries if entry.get("address")]
     except (FaultList, OSError, LookupError, TypeError, ValueError, AttributeError):
         return []
-
-
-def remember_trip(
-    bench: Path,
-    trip: InterlockTripped,
-    run: Path,
-    instruments: Mapping[str, tuple[str, str]] | None = None,
-) -> None:
-    """Remember a tripped interlock; raises OSError. `instruments` as of `remember`."""
-    remember(bench, trip.name, str(trip), run, instruments)
 
 
 def remember(

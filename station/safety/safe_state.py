@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -55,7 +56,8 @@ class SafeOutcome:
     """How one instrument came to rest: verified or not, what it read back, and the time it took.
 
     `skipped` says which wait was cut short because a person was in a hurry; `used` is False for an
-    instrument outside the plan, which was read and never commanded.
+    instrument outside the plan, which was read and never commanded. `read_s` is the run time of the
+    reading. `doubted`: it reads back as safe itself, and a witness contradicts it.
     """
 
     instrument: str
@@ -64,6 +66,8 @@ class SafeOutcome:
     took_s: float
     skipped: str = ""
     used: bool = True
+    read_s: float = math.nan
+    doubted: bool = False
 
     def to_data(self) -> dict[str, Any]:
         """Return the outcome as plain data."""
@@ -74,6 +78,7 @@ class SafeOutcome:
             "took_s": round(self.took_s, 6),
             **({"skipped": self.skipped} if self.skipped else {}),
             **({} if self.used else {"used": False}),
+            **({"doubted": True} if self.doubted else {}),
         }
 
 
@@ -124,5 +129,6 @@ def _make_one_safe(
             continue
         sentence = reading.read_back
         if reading.safe:
-            return SafeOutcome(name, True, sentence, clock.now() - began_s, skipped)
+            now_s = clock.now()
+            return SafeOutcome(name, True, sentence, now_s - began_s, skipped, read_s=now_s)
     return SafeOutcome(name, False, sentence, clock.now() - began_s, skipped)

@@ -2,7 +2,8 @@
 
 python guarded_run.py SERVED PARENT FREQUENCY_HZ AMPLITUDE_A COIL…
 
-It says `energised` once the sines run, then measures a current every 0.1 s and never ends.
+It says `energised` once the sines run, then measures a current every 0.1 s and never ends. With
+`gaussmeter` among the coils that is the witness of the others.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import sys
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from station import registry
 from station.clock import RealClock
@@ -23,11 +24,17 @@ from station.instruments.opening import open_instruments
 from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.execute import head_of
+from station.runner.verbs import to_rows
+from station.safety.witness import Witnesses
 
+GAUSSMETER = "gaussmeter"
+FIELD_MT = 1.0
+"""That each coil makes at least, whatever it is."""
 PROCEDURE = "rlg-magnetic-sensitivity"
 
 
 def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *coils: str) -> None:
+    coils, witness = tuple(one for one in coils if one != GAUSSMETER), GAUSSMETER in coils
     head = json.loads(served.read_text(encoding="utf-8").splitlines()[0])
     clock = RealClock(head["clock"]["speed"], head["clock"]["epoch_unix"])
     addresses = {name: one["address"] for name, one in head["instruments"].items()}
@@ -45,6 +52,7 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
         instruments=[*coils, "gaussmeter"],
         world=world,
         note=record.later,
+        bench_file=Path(str(files("config"))) / "benches" / "sim.yaml",
     )
     found = open_instruments(bench, coils, addresses, clock, None, locks=locks)
     # Which runs of a test share, each with coils of its own.
@@ -52,6 +60,13 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
     for name, one in found.items():
         record.event("identified", instrument=name, **vars(one.identity))
     guardian.watch([*coils, "gaussmeter"], locks)
+    witnesses, meter = Witnesses(), cast("Any", found[GAUSSMETER].instrument)
+    if witness:
+        witnesses.open({GAUSSMETER: meter})
+        witnesses.informs(guardian.sees)
+        for name in coils:
+            witnesses.drives(name, {GAUSSMETER: FIELD_MT})
+        meter.start(4.0)
     supplies: list[Any] = [found[name].instrument for name in coils]
     for supply in supplies:
         supply.programme_limits()
@@ -60,6 +75,8 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
         supply.start_sine()
     print("energised", flush=True)
     while True:
+        if witness:
+            witnesses.came(GAUSSMETER, to_rows(meter.drain()))
         record.event("measured", durable=False, current_A=supplies[0].current_A())
         clock.sleep(0.1)
 

@@ -21,7 +21,7 @@ from places import ROOT
 SCRIPT = Path(__file__).parent / "guarded_run.py"
 GIVES_UP_AFTER_S = 90.0
 NEAR_ZERO_A = 0.02
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+ENVIRONMENT_OF_OURS = {"PYTHONPATH": str(ROOT)}
 
 
 @dataclass
@@ -164,7 +164,7 @@ def start_run(
         stderr=subprocess.PIPE,
         text=True,
         encoding="utf-8",
-        env=ENVIRONMENT,
+        env={**os.environ, **ENVIRONMENT_OF_OURS},
     )
     assert process.stdout is not None
     if process.stdout.readline() != "energised\n":

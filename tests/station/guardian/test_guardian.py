@@ -11,6 +11,7 @@ import os
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from guardian_helpers import GuardedRun, World, start_run, until, world
 from station import registry
 from station.clock import RealClock, VirtualClock
 from station.control.status import read_status
-from station.files.lookup import find
+from station.files.lookup import BENCHES, find
 from station.files.yaml.document import yaml_text
 from station.guardian.supervisor import Guardian, GuardianFailed
 from station.instruments.bench import read_bench
@@ -30,6 +31,7 @@ from station.record.events import Event, guardian_events, latest_safe_state
 from station.record.folder import RunFolder
 from station.record.layout import GUARDIAN_LOG, MANIFEST, write_manifest
 from station.record.recorded import left_unverified, read_plan_and_bench
+from station.safety.acknowledgement import unacknowledged
 
 if sys.platform != "linux":
     pytest.skip("SIGKILL, SIGSTOP and /proc; not verified elsewhere", allow_module_level=True)
@@ -87,6 +89,26 @@ def test_a_killed_run_leaves_its_coil_at_zero_and_its_output_off(killed: Killed)
     assert killed.after_s < 2.0 + HALF_PERIOD_S + SETTLES_S
     assert "read back" in killed.said  # another run of these tests may have an instrument
     assert "coil_supply.x output off" in killed.said
+
+
+def test_a_supply_that_lies_to_the_guardian_is_contradicted_by_the_field(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+    with world(tmp_path_factory.mktemp("lies")) as served:
+        run = start_run(served, tmp_path_factory.mktemp("run"), "coil_supply.x", "gaussmeter")
+        until(lambda: abs(served.report()["coils"]["x"]["current_A"]) > 4.0)
+        time.sleep(3.0)  # the witness has seen it
+        served.inject(instrument="coil_supply.x", fault="lies")
+        run.end_by(signal.SIGKILL)
+        said = run.wait_for_guardian()  # it ends: whoever put a magnet there needs no guardian
+        assert not served.at_rest("x")
+    assert "NOT VERIFIED as safe" in said
+    assert "coil_supply.x: it reads back output off" in said
+    assert "gaussmeter sees that" in said
+    (doubted,) = [one for one in run.made_safe()["outcomes"] if not one["verified"]]
+    assert (doubted["instrument"], doubted["doubted"]) == ("coil_supply.x", True)
+    assert unacknowledged(find(BENCHES, "sim")) is not None
 
 
 def test_status_and_analysis_learn_what_the_guardian_did(killed: Killed) -> None:

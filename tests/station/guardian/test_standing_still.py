@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 from campaign_helpers import only_run, station
-from guardian_helpers import World, until, world
+from guardian_helpers import GuardedRun, World, until, world
 from still_helpers import (
     SLEW_AND_ZERO_S,
     SPEED,
@@ -240,3 +240,23 @@ def test_a_closed_terminal_keeps_no_run_from_going_on(bench: World, tmp_path: Pa
     assert bench.at_rest()
     assert process.returncode == 4
     assert [one["event"] for one in events_of(tmp_path / "runs")][-3:] == ENDED
+
+
+def test_time_that_run_and_guardians_missed_together_is_flagged(
+    bench: World, tmp_path: Path
+) -> None:
+    with begun_run(bench, tmp_path, tmp_path / "runs") as process:
+        stopped = [*GuardedRun(process, tmp_path).guardians, process.pid]
+        assert len(stopped) == 3
+        for pid in stopped:
+            os.kill(pid, signal.SIGSTOP)
+        time.sleep(8.0)
+        for pid in stopped:
+            os.kill(pid, signal.SIGCONT)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 4
+    assert "this run did not run for 8 s, and nobody watched the bench" in said
+    (missed,) = [one for one in events_of(tmp_path / "runs") if one["event"] == "time-missed"]
+    assert 7.0 < missed["seconds"] < 12.0

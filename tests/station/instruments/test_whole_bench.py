@@ -111,7 +111,7 @@ def test_a_resumed_run_reads_the_whole_bench_too(tmp_path: Path, served: World) 
     run.send_signal(signal.SIGINT)
     _, said = run.communicate(timeout=60)
     assert run.returncode == 4, said
-    assert "the bench is safe, read back from every instrument that can harm\n" in said
+    assert "the bench is safe, read back from every instrument that can harm (at " in said
     drive_by_hand(tmp_path, OTHER, 5.0)
     (run_folder,) = (tmp_path / "runs").iterdir()
     again = ("--bench", "sim", "--served", "served.json", "--non-interactive", "--answers", "a")
@@ -151,7 +151,7 @@ def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
     assert done.returncode == 0, done.stderr
     assert (
         f"\nNOT KNOWN to be safe: {OTHER} (does not answer) and turntable (in use by the run of "
-        "somebody else); every other instrument that can harm was read back as safe\n"
+        "somebody else); every other instrument that can harm was read back as safe (at "
     ) in done.stderr
     assert "the bench is safe" not in done.stderr
     for kind in ("bench-read", "safe-state"):

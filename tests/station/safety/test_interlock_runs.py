@@ -22,7 +22,7 @@ from station.safety.acknowledgement import (
     acknowledge,
     place_of,
     refuse_until_acknowledged,
-    remember_trip,
+    remember,
     state_folder,
     unacknowledged,
 )
@@ -86,7 +86,7 @@ def test_an_open_chain_keeps_a_run_from_beginning(tmp_path: Path, own_state: Pat
 def test_a_bench_is_known_by_its_file_and_place(tmp_path: Path, own_state: Path) -> None:
     one, other = tmp_path / "one" / "bench.yaml", tmp_path / "other" / "bench.yaml"
     trip = InterlockTripped("door", "the door is open", 3.0)
-    remember_trip(one, trip, tmp_path / "run")
+    remember(one, trip.name, str(trip), tmp_path / "run")
     refuse_until_acknowledged(other)
     with pytest.raises(NotAcknowledged):
         refuse_until_acknowledged(one)
@@ -97,7 +97,7 @@ def test_a_bench_is_known_by_its_file_and_place(tmp_path: Path, own_state: Path)
 
 def test_a_note_that_cannot_be_read_still_refuses(tmp_path: Path, own_state: Path) -> None:
     bench = tmp_path / "bench.yaml"
-    remember_trip(bench, InterlockTripped("door", "open", 3.0), tmp_path)
+    remember(bench, "door", "open", tmp_path)
     place_of(bench).write_text("{", encoding="utf-8")
     with pytest.raises(NotAcknowledged, match="cannot be read"):
         refuse_until_acknowledged(bench)
@@ -118,7 +118,7 @@ def test_acknowledge_is_a_verb(tmp_path: Path, own_state: Path) -> None:
         0,
         "bench.yaml: no interlock waits to be acknowledged\n",
     )
-    remember_trip(bench, InterlockTripped("door", "the door is open", 3.0), tmp_path / "run")
+    remember(bench, "door", "the door is open", tmp_path / "run")
     refused = station(
         tmp_path, "run", "rlg-magnetic-sensitivity", "--bench", "bench.yaml", "--non-interactive"
     )

@@ -22,13 +22,12 @@ from guardian_helpers import World, world
 from places import ROOT
 from run_heads import head_of
 
-from station.errors import InterlockTripped
 from station.files.lookup import BENCHES, find
 from station.safety.acknowledgement import (
     notes_of_file,
     refuse_identified,
     refuse_until_acknowledged,
-    remember_trip,
+    remember,
 )
 
 if sys.platform == "win32" or os.geteuid() != 0 or not shutil.which("unshare"):
@@ -201,7 +200,7 @@ def test_two_names_of_one_bench_file_are_one_bench(
     bench.write_text("simulation: {}\n", encoding="utf-8")
     (tmp_path / "soft.yaml").symlink_to(bench)
     (tmp_path / "hard.yaml").hardlink_to(bench)
-    remember_trip(bench, InterlockTripped("door", "the door is open", 3.0), tmp_path)
+    remember(bench, "door", "the door is open", tmp_path)
     for name in ("bench.yaml", "soft.yaml", "hard.yaml"):
         assert len(notes_of_file(tmp_path / name)) == 1
     refuse_until_acknowledged(tmp_path / "other.yaml", [])

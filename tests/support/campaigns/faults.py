@@ -352,11 +352,12 @@ LONG_WAITS_S: Mapping[str, float] = {"fog-scale-factor-temperature": 2700.0}
 """Procedures whose steps wait longer: 20 min for a temperature, then 20 min for an alignment."""
 STEP_OF_A_RAMP_A = 0.25
 STEPS_BY_ITSELF = frozenset({"compliance", "overdrive"})
+COMES_ON_BY_ITSELF = frozenset({"comes-back"})
 ITS_OWN_STEP_S, OVERDRIVEN = 0.5, 3.5
 """The current of a supply with such a fault jumps when the fault begins."""
 PROTECTED = "the output went off"
 """Its own protection cuts a coil that is driven beyond the supply's limit."""
-UNREACHABLE = frozenset({"port-gone", "stuck-open"})
+UNREACHABLE = frozenset({"port-gone", "stuck-open", "lies"})
 """Nobody can do anything to an instrument with this fault any more."""
 TOGGLED = frozenset({"pump_laser"})
 """One command opens and closes it: while nothing it says is understood, nobody may send that."""
@@ -410,6 +411,13 @@ def is_safe(world: Mapping[str, Any]) -> bool:
     return not any(world["outputs"].values()) and max(driven, default=0.0) < NOTHING_LEFT_A
 
 
+def at_rest(case: Case, ended: Ended) -> bool:
+    """Whether the world is at rest; an output that nobody can switch off may be on at 0 A."""
+    driven = [abs(coil["driven_A"]) for coil in ended.world["coils"].values()]
+    nothing_flows = max(driven, default=0.0) < NOTHING_LEFT_A
+    return is_safe(ended.world) or (case.kind == "lies" and nothing_flows)
+
+
 def world_is_safe(
     case: Case, entry: Mapping[str, Any], ended: Ended, reference: Reference
 ) -> Iterator[str]:
@@ -418,7 +426,7 @@ def world_is_safe(
     lost = case.kind in LOST_WHILE_LASTING or case.role in TOGGLED
     lasting = "for" in entry or case.kind == "chatter"
     out_of_reach = case.kind in UNREACHABLE or (lost and lasting)
-    if not is_safe(ended.world):
+    if not at_rest(case, ended):
         on = sorted(name for name, is_on in ended.world["outputs"].items() if is_on)
         if not (out_of_reach and on == [case.instrument] and case.instrument in unsafe):
             yield f"the world is not safe: {on} on, unverified {sorted(unsafe)}"
@@ -439,7 +447,9 @@ def world_is_safe(
         at_the_fault = abs(coil["largest_slew_at_s"] - (ended.first_s or 0.0)) < ITS_OWN_STEP_S
         if case.kind in STEPS_BY_ITSELF and (at_the_fault or PROTECTED in ended.error):
             continue
-        if f"coil_supply.{name}" in switched_off_at_once(ended):
+        if f"coil_supply.{name}" in switched_off_at_once(ended) or (
+            case.kind in COMES_ON_BY_ITSELF
+        ):
             continue
         if largest_step_A(coil) > allowed_A:
             yield f"coil {name} was cut: a step of {largest_step_A(coil):.2f} A"
@@ -520,7 +530,7 @@ def recorded(
     except Exception as error:
         yield f"it cannot be analysed: {error!r}"
         return
-    unsafe = not is_safe(ended.world) or bool(ended.outcome.unsafe)
+    unsafe = not at_rest(case, ended) or bool(ended.outcome.unsafe)
     for one in (document, ended.outcome.document):
         if one is not None and unsafe and one.verdict == "pass":
             yield "the verdict is pass and the bench is not safe"

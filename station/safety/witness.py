@@ -1,0 +1,274 @@
+"""Ask a second instrument whether what was switched off is off: the gaussmeter in a coil.
+
+A supply that answers falsely is believed by its driver. What it drives is seen by others: a witness
+is read before anything is energised, watched while a source is driven, and asked once more when all
+is to be off. It speaks of a source only where it saw that source's change and nothing was moved
+since. A run and its guardian judge alike, by the same plain data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from station.errors import InstrumentError
+from station.roles.role import Witness, role, role_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from station.clock import Clock
+
+LARGEST_LEFT = 0.1
+"""Of the largest change that was seen; more contradicts a source that reads back as off."""
+AMBIENT_LEFT = 0.03
+"""A change between this and `LARGEST_LEFT` is flagged: the ambient field is another one."""
+LEAST_SEEN = 0.2
+"""Of what the bench's constants expect; less is not the change of that source."""
+OVERLOAD = 1e30
+"""What instruments say of an overload is beyond it."""
+GROWN = 1.2
+"""By which the largest change grows before the guardians are informed again."""
+LOOKS, LOOKS_EVERY_S = 5, 0.37
+"""Run time; no sine that a coil supply makes is near its zero at all of them."""
+TURNED = 4.0
+"""Of the magnitude before; turning a probe in an ambient field makes 2 at most."""
+NOT_DRIVEN = "nothing was driven that it could see"
+NOT_SEEN = "it saw no change of what was driven"
+
+
+@dataclass
+class Sighting:
+    """What a witness saw, in `unit`: `before` anything was energised, by component, NaN what it
+    does not see; the largest change that was `expected` of each source that was driven, and that
+    was seen of it; and why it cannot speak of the others.
+    """
+
+    instrument: str
+    unit: str
+    before: list[float]
+    expected: dict[str, float] = field(default_factory=dict)
+    change: dict[str, float] = field(default_factory=dict)
+    lost: dict[str, str] = field(default_factory=dict)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return it as plain data for a guardian."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class WitnessReport:
+    """What a witness says of its `sources` at the end; `agrees` is None where it was not asked."""
+
+    instrument: str
+    sources: Sequence[str]
+    agrees: bool | None
+    sentence: str
+    ambient: bool = False
+    """Whether more is left than nothing, and less than contradicts: the ambient field changed."""
+
+    def to_data(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return asdict(self)
+
+
+def witness_of(instance: str) -> Witness | None:
+    """Return what the role of an instrument declares of it as a witness."""
+    declared = role(role_of(instance))
+    return declared.witness if declared else None
+
+
+def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> WitnessReport:
+    """Ask an opened witness, None where it cannot be reached, and hold it against what it saw.
+
+    What is left may swing through zero as a sine does: it is asked several times, and the largest
+    counts.
+    """
+    name, unit = sighting.instrument, sighting.unit
+    sources = sorted(sighting.change or sighting.expected)
+    if not sources:
+        return WitnessReport(name, (), None, f"not asked: {NOT_DRIVEN}")
+    if instrument is None:
+        return WitnessReport(name, sources, None, "not asked: it cannot be reached")
+    left = []
+    try:
+        for look in range(LOOKS):
+            if look:
+                clock.sleep(LOOKS_EVERY_S)
+            left.append(distance(read_now(name, instrument), sighting.before))
+    except InstrumentError as error:
+        return WitnessReport(name, sources, None, f"not asked: {error}")
+    if any(map(math.isnan, left)):
+        return WitnessReport(name, sources, None, "not asked: it measures along another axis now")
+    most = max(left)
+    if not sighting.change:
+        return _of_unseen(sighting, sources, most)
+    largest = max(sighting.change.values())
+    words = f"{most:.3g} {unit} are left of a change of {largest:.3g} {unit}"
+    agrees = most <= LARGEST_LEFT * largest
+    return WitnessReport(name, sources, agrees, words, agrees and most > AMBIENT_LEFT * largest)
+
+
+def _of_unseen(sighting: Sighting, sources: Sequence[str], most: float) -> WitnessReport:
+    """Return what a witness says of sources whose change it did not see, or not since a move.
+
+    What is far more than any turn of it could make of what was there before is theirs.
+    """
+    name, unit = sighting.instrument, sighting.unit
+    least = max(
+        LEAST_SEEN * max(sighting.expected.values()), TURNED * distance(sighting.before, [0.0] * 3)
+    )
+    if most > least:
+        return WitnessReport(
+            name, sources, False, f"it is {most:.3g} {unit} off what it was before"
+        )
+    reasons = "; ".join(dict.fromkeys(sighting.lost.values()))
+    return WitnessReport(name, (), None, f"not asked: {reasons or NOT_SEEN}")
+
+
+def read_now(name: str, instrument: object) -> list[float]:
+    """Return the components that a witness sees now; raises InstrumentError."""
+    witness = witness_of(name)
+    assert witness is not None
+    return [float(value) for value in witness.read(instrument)]
+
+
+def distance(now: Sequence[float], before: Sequence[float]) -> float:
+    """Return the magnitude of the change of the components that are seen; NaN where none is.
+
+    Infinite where one is beyond the range of the instrument.
+    """
+    squares = [
+        math.inf if math.isinf(a) or math.isinf(b) else (a - b) ** 2
+        for a, b in zip(now, before, strict=True)
+        if not (math.isnan(a) or math.isnan(b))
+    ]
+    return math.sqrt(sum(squares)) if squares else math.nan
+
+
+class Witnesses:
+    """The witnesses among a run's instruments, and what each saw of the sources that are driven.
+
+    Those who are informed get the sightings as plain data whenever they changed.
+    """
+
+    def __init__(self) -> None:
+        self.sightings: dict[str, Sighting] = {}
+        self._instruments: dict[str, object] = {}
+        self._driven: dict[str, Mapping[str, float]] = {}
+        """Of each source that is driven, the change that each witness should see of it."""
+        self._last: dict[str, list[float]] = {}
+        self._to_read: set[str] = set()
+        self._energised = False
+        self._sent: dict[tuple[str, str], float] = {}
+        self._informed: Callable[[list[dict[str, Any]]], None] = lambda sightings: None
+
+    def informs(self, informed: Callable[[list[dict[str, Any]]], None]) -> None:
+        """Have somebody informed of what is seen, now and from now on; it must return at once."""
+        self._informed = informed
+        self._inform()
+
+    def open(self, instruments: Mapping[str, object]) -> None:
+        """Read every witness, before anything is energised; raises InstrumentError."""
+        for name, instrument in instruments.items():
+            witness = witness_of(name)
+            if witness is not None and witness.can_read(instrument):
+                self._instruments[name] = instrument
+                self._read_before(name)
+
+    def drives(self, source: str, expected: Mapping[str, float]) -> None:
+        """Take note that a source is about to be driven; none is any more where all expect zero.
+
+        `expected`: the change that each witness should see of it. A witness that was moved is read
+        once more first. Raises InstrumentError.
+        """
+        if not any(expected.values()):
+            self._driven.pop(source, None)
+            return
+        if not self._driven:
+            for name in sorted(self._to_read):
+                self._read_before(name)
+            self._to_read.clear()
+        self._driven[source] = expected
+        self._energised = True
+        for name, sighting in self.sightings.items():
+            if expected.get(name, 0.0) > sighting.expected.get(source, 0.0):
+                sighting.expected[source] = expected[name]
+                self._inform()
+
+    def moved(self, why: str, witness: str = "") -> None:
+        """Forget what was seen: somebody or something moved. `witness`: only that one was."""
+        for name, sighting in self.sightings.items():
+            if witness in ("", name):
+                sighting.lost |= dict.fromkeys(sighting.change, why)
+                sighting.change.clear()
+                self._last.pop(name, None)
+                if witness or not self._energised:
+                    self._to_read.add(name)
+                self._inform()
+
+    def came(self, name: str, rows: NDArray[Any]) -> None:
+        """Take rows of a witness's record, shape (rows,): how far they are from before."""
+        sighting = self.sightings.get(name)
+        if sighting is None or not self._driven:
+            return
+        import numpy as np
+
+        witness = witness_of(name)
+        assert witness is not None
+        seen = np.stack([rows[column] for column in witness.columns], axis=-1) * witness.scale
+        seen = np.where(np.abs(seen) < OVERLOAD, seen, np.inf)
+        far = np.sqrt(np.nansum((seen - np.array(sighting.before)) ** 2, axis=-1))
+        several = np.array([*self._last.get(name, ()), *far[np.isfinite(far)]])
+        self._last[name] = several[-2:].tolist()
+        if len(several) < 3:
+            return
+        # The middle of three after each other: one wild reading is no change.
+        middle = np.sort(np.stack([several[:-2], several[1:-1], several[2:]]), axis=0)[1]
+        self._saw(sighting, float(middle.max()))
+
+    def _saw(self, sighting: Sighting, change: float) -> None:
+        for source, expected in self._driven.items():
+            least = LEAST_SEEN * expected.get(sighting.instrument, math.inf)
+            known = sighting.change.get(source, 0.0)
+            if change >= max(least, known):
+                sighting.change[source] = change
+                sighting.lost.pop(source, None)
+                if change > GROWN * self._sent.get((sighting.instrument, source), 0.0):
+                    self._inform()
+
+    def testify(self, clock: Clock) -> list[WitnessReport]:
+        """Ask every witness now, when all is to be off."""
+        return [
+            judge(sighting, self._instruments.get(name), clock)
+            for name, sighting in self.sightings.items()
+        ]
+
+    def _read_before(self, name: str) -> None:
+        witness = witness_of(name)
+        assert witness is not None
+        before = read_now(name, self._instruments[name])
+        known = self.sightings.setdefault(name, Sighting(name, witness.unit, before))
+        known.before = before
+        known.expected.clear()
+        self._inform()
+
+    def _inform(self) -> None:
+        self._sent = {
+            (name, source): change
+            for name, sighting in self.sightings.items()
+            for source, change in sighting.change.items()
+        }
+        self._informed([sighting.to_data() for sighting in self.sightings.values()])
+
+
+def contradicted(testimonies: Collection[WitnessReport]) -> dict[str, str]:
+    """Return what contradicts each source that reads back as off, in words."""
+    against: dict[str, str] = {}
+    for testimony in testimonies:
+        if testimony.agrees is False:
+            for source in testimony.sources:
+                against.setdefault(source, f"{testimony.instrument} sees that {testimony.sentence}")
+    return against
