@@ -429,6 +429,8 @@ BENCH = {
     "laboratory.address": "its address",
     "laboratory.location": "where the bench stands, where that is not the address",
     "laboratory.accreditation": "body and number of the accreditation",
+    "laboratory.trusted_keys": "keys whose signatures count for `station verify --bench`: 64 "
+    "digits each, then the name it signs in, or nothing",
     "laboratory.signatories": "who may authorise a certificate",
     "laboratory.signatories[].name": "name of the person",
     "laboratory.signatories[].function": "function of the person",

@@ -16,6 +16,7 @@ from station.procedure import procedure_of
 from station.record.events import whole_bench
 from station.record.run_list import newest_runs
 from station.record.run_names import RUNS
+from station.record.verification import quick_look
 
 
 def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> None:
@@ -84,12 +85,16 @@ MOST_UNITS = 6
 
 def print_status(run: Path | None, *, as_json: bool) -> None:
     """Print how a run stands; without one, the newest below `runs`."""
-    status = read_status(newest_run(RUNS) if run is None else run)
+    folder = newest_run(RUNS) if run is None else run
+    status, record = read_status(folder), quick_look(folder)
     if as_json:
-        print(json.dumps(status.to_data(), indent=1, ensure_ascii=False))
+        kept = {"state": record.state, "depth": record.depth, "changed": list(record.changed)}
+        print(json.dumps({**status.to_data(), "record": kept}, indent=1, ensure_ascii=False))
         return
     for name, text in rows(status):
         print(f"{name:<16}{text}")
+    if not record.going_on:
+        print(f"{'record':<16}{record.sentence()}")
 
 
 def rows(status: Status) -> list[tuple[str, str]]:

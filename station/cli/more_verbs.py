@@ -119,12 +119,23 @@ def compare(
 
 def verify(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    trusted: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Keys whose signatures count, one a line."),
+    ] = None,
+    bench: Annotated[
+        str | None, typer.Option(help="Bench file whose `laboratory.trusted_keys` count.")
+    ] = None,
+    head: Annotated[
+        str | None,
+        typer.Option(metavar="TEXT", help="A head that the run had; lists what came after."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Prove run folders unchanged, or name what was altered."""
     from station.cli.verifying import verify_runs
 
-    raise typer.Exit(verify_runs(runs, as_json=json))
+    raise typer.Exit(verify_runs(runs, as_json=json, trusted=trusted, bench=bench, head=head))
 
 
 def sign(

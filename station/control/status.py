@@ -17,6 +17,7 @@ from station.guardian.notes import AtWork, guardian_at_work
 from station.record.events import (
     BENCH_READ,
     LEFT,
+    RECORDED_LATER,
     RESUMED,
     SAFE_STATE,
     Event,
@@ -25,8 +26,10 @@ from station.record.events import (
     last_word_of_guardian,
     latest_left_out,
     latest_safe_state,
+    of_the_run,
     paused_s,
     read_events,
+    recorded_in_words,
 )
 from station.record.layout import EVENTS, LOCK
 
@@ -237,7 +240,7 @@ def last_message(
     failed = of_kind(since_it_went_on(events), "failed")
     if failed:
         return str(failed[-1].details["message"])
-    later = [event for event in events if event.kind != RUN_STARTED]
+    later = [event for event in of_the_run(events) if event.kind != RUN_STARTED]
     return in_words(later[-1]) if later else "nothing yet"
 
 
@@ -297,6 +300,8 @@ def in_words(event: Event) -> str:
                 if not outcome["verified"]
             ]
             return f"NOT VERIFIED as safe: {', '.join(left)}" if left else "the bench is made safe"
+        case kind if kind in RECORDED_LATER:
+            return recorded_in_words(event)
         case "paused" | "pause-refused":
             states = details.get("devices") or details.get("reasons") or {}
             return ": ".join(

@@ -55,6 +55,11 @@ def shortened(text: str) -> str:
     if len(text) > LONGEST:
         half = LONGEST // 2
         text = f"{text[:half]} … ({len(text)} characters) … {text[-half:]}"
+    return printable(text)
+
+
+def printable(text: str) -> str:
+    """Return a text in which each control code is written out."""
     return "".join(char if char.isprintable() else f"\\x{ord(char):02x}" for char in text)
 
 

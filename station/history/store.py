@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Connection, Select, create_engine, delete, insert, select
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    RowMapping,
+    Select,
+    create_engine,
+    delete,
+    insert,
+    select,
+)
 
 from station.errors import InputError, StationError
 from station.history.place import FILE, URL, beside, url_of
-from station.history.summary import RunSummary, summary_of
+from station.history.summary import DAMAGE, RunSummary, key_of, manifest_head, summary_of
 from station.history.tables import INSTRUMENTS, RESULTS, RUNS
 from station.history.versions import bring_up_to_date
 from station.record.run_names import runs_below
 
 AT_ONCE = 500
+NUMBERS = ("value", "standard_uncertainty", "expanded_uncertainty", "limit_min", "limit_max")
+TEXTS = ("run", "started_utc", "procedure", "model", "serial", "bench", "name", "unit", "verdict")
+_HERE = socket.gethostname()
 
 
 class HistoryError(StationError):
@@ -84,31 +96,50 @@ class History:
     def take_in(self) -> tuple[int, list[str]]:
         """Take in the run folders that the history lacks; return how many, and what was left out.
 
-        A run that had no results when it was taken in is taken in again.
+        A run that had no results when it was taken in is taken in again, and so is one whose
+        manifest is another one now. One that was altered since stays as it was taken in.
         """
         with self._begun() as connection:
-            ended = select(RUNS.c.run).where(RUNS.c.verdict.is_not(None))
-            known = set(connection.execute(ended).scalars())
-        return self._add(run for run in runs_below(self._parent) if run.name not in known)
+            columns = (RUNS.c.folder, RUNS.c.head, RUNS.c.verdict)
+            here = select(*columns).where(RUNS.c.computer == _HERE, RUNS.c.key.is_not(None))
+            known = {
+                row.folder: row.head for row in connection.execute(here) if row.verdict is not None
+            }
+        folders = {folder: known.get(str(folder.resolve())) for folder in runs_below(self._parent)}
+        return self._add(
+            folder for folder, head in folders.items() if head is None or head != _head(folder)
+        )
 
     def rebuild(self) -> tuple[int, list[str]]:
-        """Forget all, and take in every run folder; return how many, and what was left out."""
+        """Forget what is below this parent, and take in every run folder that is there.
+
+        Returns how many, and what was left out. Runs of other folders, and of other computers that
+        share the database, stay.
+        """
+        parent = self._parent.resolve()
         with self._begun() as connection:
-            for table in (RESULTS, INSTRUMENTS, RUNS):
-                connection.execute(delete(table))
+            here = select(RUNS.c.id, RUNS.c.folder).where(RUNS.c.computer == _HERE)
+            for row in connection.execute(here).all():
+                if Path(row.folder).parent == parent:
+                    _forget(connection, row.id)
         return self._add(runs_below(self._parent))
 
     def results(self, wanted: Wanted = Wanted()) -> list[Entry]:
         """Return the results that are asked for, oldest first."""
         with self._begun() as connection:
             rows = connection.execute(_query(wanted)).mappings()
-            return [Entry(**row) for row in rows]
+            return [_entry(row) for row in rows]
 
-    def head_of(self, run: str) -> str | None:
+    def head_of(self, folder: Path) -> str | None:
         """Return the head that a run had when it was taken in; None for one that is not known."""
+        try:
+            key = key_of(folder)
+        except DAMAGE:
+            key = None
         with self._begun() as connection:
-            wanted = select(RUNS.c.head).where(RUNS.c.run == run, RUNS.c.verdict.is_not(None))
-            return connection.execute(wanted).scalars().first()
+            mine = RUNS.c.key == key if key else _at(folder)
+            wanted = select(RUNS.c.head).where(mine | (_at(folder) & RUNS.c.key.is_(None)))
+            return connection.execute(wanted.where(RUNS.c.verdict.is_not(None))).scalars().first()
 
     def _add(self, folders: Iterable[Path]) -> tuple[int, list[str]]:
         summaries, left_out = list[RunSummary](), list[str]()
@@ -127,8 +158,7 @@ class History:
         count = 0
         with self._begun() as connection:
             for summary in summaries:
-                _replace(connection, summary)
-                count += 1
+                count += _replace(connection, summary)
         return count
 
     @contextmanager
@@ -142,19 +172,48 @@ def _patience(url: str) -> dict[str, Any]:
     return {"timeout": 30.0} if url.startswith("sqlite") else {"connect_timeout": 5}
 
 
-def _replace(connection: Connection, summary: RunSummary) -> None:
-    """Write a run in the place of what was there of it."""
-    mine = (RUNS.c.host == summary.run["host"]) & (RUNS.c.run == summary.run["run"])
-    known = connection.execute(select(RUNS.c.id).where(mine)).scalar_one_or_none()
-    if known is not None:
-        for table in (RESULTS, INSTRUMENTS):
-            connection.execute(delete(table).where(table.c.run_id == known))
-        connection.execute(delete(RUNS).where(RUNS.c.id == known))
-    new = connection.execute(insert(RUNS).values(**summary.run)).inserted_primary_key
+def _replace(connection: Connection, summary: RunSummary) -> bool:
+    """Write a run in the place of what was there of it; return whether it was written.
+
+    What is known of a folder elsewhere stays while that folder is there, as far as can be seen
+    from here: a copy counts once.
+    """
+    run = summary.run
+    same = RUNS.c.key == run["key"]
+    # Of before there were keys, and of a folder in the place of another one.
+    same |= RUNS.c.key.is_(None) & (RUNS.c.host == run["host"]) & (RUNS.c.run == run["run"])
+    same |= (RUNS.c.computer == run["computer"]) & (RUNS.c.folder == run["folder"])
+    for known in connection.execute(select(RUNS).where(same)).all():
+        place = (known.computer, known.folder)
+        elsewhere = known.key is not None and place != (run["computer"], run["folder"])
+        there = known.computer != run["computer"] or Path(known.folder).is_dir()
+        if elsewhere and there and known.verdict is not None:
+            return False
+        _forget(connection, known.id)
+    new = connection.execute(insert(RUNS).values(**run)).inserted_primary_key
     assert new is not None
     for table, rows in ((RESULTS, summary.results), (INSTRUMENTS, summary.instruments)):
         if rows:
             connection.execute(insert(table), [{**row, "run_id": new[0]} for row in rows])
+    return True
+
+
+def _forget(connection: Connection, run_id: int) -> None:
+    for table in (RESULTS, INSTRUMENTS):
+        connection.execute(delete(table).where(table.c.run_id == run_id))
+    connection.execute(delete(RUNS).where(RUNS.c.id == run_id))
+
+
+def _at(folder: Path) -> ColumnElement[bool]:
+    """Return the condition that a row is of this folder of this computer."""
+    return (RUNS.c.computer == _HERE) & (RUNS.c.folder == str(folder.resolve()))
+
+
+def _head(folder: Path) -> str:
+    try:
+        return manifest_head(folder)
+    except OSError:
+        return ""
 
 
 def _query(wanted: Wanted) -> Select[Any]:
@@ -171,12 +230,25 @@ def _query(wanted: Wanted) -> Select[Any]:
     return query
 
 
+def _entry(row: RowMapping) -> Entry:
+    """Return a row of the tables; raises TypeError where no history wrote it."""
+    for name in NUMBERS:
+        if not isinstance(row[name], float | int | None):
+            raise TypeError(f"{name} of {row['run']} is no number")
+    for name in TEXTS:
+        if not isinstance(row[name], str):
+            raise TypeError(f"{name} of a run is no text")
+    return Entry(**row)
+
+
 @contextmanager
 def _named(url: str) -> Iterator[None]:
     """Say which database an error is of, and never a password in its URL."""
     try:
         yield
-    except (SQLAlchemyError, ImportError) as error:
+    except StationError:
+        raise
+    except Exception as error:  # whatever is in a damaged database: nothing else depends on it
         shown = url.rpartition("@")[2]
         sentence = str(error).partition("\n")[0]
         raise HistoryError(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
+import socket
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +15,8 @@ import yaml
 
 from station.errors import InputError
 from station.record.folder import RESULTS
-from station.record.layout import BENCH, EVENTS, PLAN, RUN
-from station.record.signatures import head_of
+from station.record.layout import BENCH, EVENTS, MANIFEST, PLAN, RUN, file_hash
+from station.record.verification import quick_look
 
 IDENTIFIED = b'"event": "identified"'
 RUN_STARTED = "run-started"
@@ -22,6 +24,15 @@ SIMULATION = re.compile(r"^simulation:(?! null)", re.MULTILINE)
 QUICK = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """A resolved plan was read and written by the station: nobody asks for the place of its keys."""
 Row = Mapping[str, Any]
+DAMAGE = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    RecursionError,
+    yaml.YAMLError,
+)
 
 
 @dataclass(frozen=True)
@@ -34,10 +45,16 @@ class RunSummary:
 
 
 def summary_of(folder: Path) -> RunSummary:
-    """Return what the history keeps of a run; raises InputError where it cannot be read."""
+    """Return what the history keeps of a run.
+
+    Raises InputError where it cannot be read, or a quick look shows that it was altered.
+    """
     try:
+        state = quick_look(folder)
+        if state.state == "altered":
+            raise InputError(f"{folder} is not taken into the history: {state.sentence()}")
         return _summary(folder)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, yaml.YAMLError) as error:
+    except DAMAGE as error:
         raise InputError(
             f"{folder} cannot be taken into the history ({error}); `station verify` says what is "
             "damaged"
@@ -53,8 +70,10 @@ def _summary(folder: Path) -> RunSummary:
     plan = yaml.load((folder / PLAN).read_text(encoding="utf-8"), QUICK)
     document = _json(folder / RESULTS) if (folder / RESULTS).is_file() else {}
     run = {
+        "key": _key(whole[0], facts),
         "host": facts["host"],
         "run": folder.name,
+        "computer": socket.gethostname(),
         "folder": str(folder.resolve()),
         "started_utc": facts["started_utc"],
         "ended_utc": facts.get("ended_utc"),
@@ -67,9 +86,30 @@ def _summary(folder: Path) -> RunSummary:
         "check_standard": bool(plan.get("check_standard")),
         "state": "evaluated" if document else "without results",
         "verdict": document.get("verdict"),
-        "head": head_of(folder),
+        "head": manifest_head(folder),
     }
     return RunSummary(run, tuple(_results(document)), tuple(_instruments(whole)))
+
+
+def key_of(folder: Path) -> str:
+    """Return the key of a run, the same for each copy of its folder; may raise what DAMAGE names.
+
+    It is the SHA-256 of the first line of its log, which holds by its chain for all of them, and
+    of when and where the run began: two runs of one plan on a simulated bench begin alike.
+    """
+    with (folder / EVENTS).open("rb") as log:
+        return _key(log.readline().removesuffix(b"\n"), _json(folder / RUN))
+
+
+def _key(first_line: bytes, facts: Row) -> str:
+    began = f"{facts['started_utc']} {facts['host']}"
+    return hashlib.sha256(first_line + b"\n" + began.encode()).hexdigest()
+
+
+def manifest_head(folder: Path) -> str:
+    """Return the SHA-256 of a run's manifest; that of the log of a run that was killed."""
+    manifest = folder / MANIFEST
+    return file_hash(manifest if manifest.is_file() else folder / EVENTS)
 
 
 def _results(document: Row) -> Iterator[Row]:

@@ -12,7 +12,6 @@ from sqlalchemy import (
     MetaData,
     String,
     Table,
-    UniqueConstraint,
 )
 
 METADATA = MetaData()
@@ -21,8 +20,10 @@ RUNS = Table(
     "runs",
     METADATA,
     Column("id", Integer, primary_key=True),
+    Column("key", String, unique=True),
     Column("host", String, nullable=False),
     Column("run", String, nullable=False),
+    Column("computer", String, nullable=False),
     Column("folder", String, nullable=False),
     Column("started_utc", String, nullable=False, index=True),
     Column("ended_utc", String),
@@ -36,9 +37,12 @@ RUNS = Table(
     Column("state", String, nullable=False),
     Column("verdict", String),
     Column("head", String, nullable=False),
-    UniqueConstraint("host", "run"),
 )
-"""`head` is the SHA-256 of the run's manifest, which holds that of every file of the run."""
+"""A run, wherever its folder is: `key` is made of the first line of its log, None until a folder
+that an earlier version took in is read again. `host` is the computer that ran it, `computer` the
+one that has the `folder`. `head` is the SHA-256 of the run's manifest, which holds that of every
+file of the run.
+"""
 
 RESULTS = Table(
     "results",

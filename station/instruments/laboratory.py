@@ -9,6 +9,8 @@ from pydantic import Field
 from station.fields import StrictModel
 
 Words = Annotated[str, Field(min_length=1)]
+TrustedKey = Annotated[str, Field(pattern=r"^[0-9a-fA-F]{64}( +\S.*)?$")]
+"""The SHA-256 of a public key, then the name that it signs in."""
 
 
 class Signatory(StrictModel):
@@ -21,7 +23,8 @@ class Signatory(StrictModel):
 class Laboratory(StrictModel):
     """Who measures, and where (ISO/IEC 17025:2017, 7.8.2.1 b, c and o).
 
-    `location` is where the bench stands, where that is not the address.
+    `location` is where the bench stands, where that is not the address. `trusted_keys` are those
+    whose signatures of run folders count.
     """
 
     name: Words
@@ -29,3 +32,4 @@ class Laboratory(StrictModel):
     location: Words | None = None
     accreditation: Words | None = None
     signatories: tuple[Signatory, ...] = ()
+    trusted_keys: tuple[TrustedKey, ...] = ()

@@ -31,6 +31,7 @@ from station.panel.wishes import REQUESTS, Wishes
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
+from station.record.verification import refuse_unproven
 from station.texts import PANEL, catalogue, languages, preferred
 
 PAGES = Path(__file__).parent / "pages"
@@ -161,6 +162,7 @@ class Panel:
         path = self.folder(request) / RESULTS
         if not is_own_file(path):
             return JSONResponse({"error": "this run has no results"}, 404)
+        refuse_unproven(path.parent)
         return FileResponse(path, media_type="application/json")
 
     def report(self, request: Request) -> Response:
@@ -168,6 +170,7 @@ class Panel:
         path = self.folder(request) / REPORT
         if not is_own_file(path):
             return JSONResponse({"error": "this run has no report"}, 404)
+        refuse_unproven(path.parent, REPORT)
         return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
 
     def picture(self, request: Request) -> Response:

@@ -21,6 +21,10 @@ FIRST_HASH = "0" * 64
 RESUMED = "resumed"
 """The event with which another process goes on with a run."""
 
+REVISED, SIGNED, ISSUED = "revision-written", "signed", "certificate-issued"
+RECORDED_LATER = (REVISED, SIGNED, ISSUED)
+"""What is done with a folder once its run has ended; the run itself says nothing by them."""
+
 LEFT_FOR_THE_END = "prompt-left"
 """Logs a request that a person is put only once bench and results are done."""
 
@@ -42,10 +46,12 @@ class EventLog:
 
     def __init__(self, path: Path) -> None:
         self._previous = FIRST_HASH
+        self.last_s = 0.0
+        """Run time of the last event, s."""
         if path.is_file():
             log = path.read_bytes()
-            for _, self._previous in checked_lines(path, log):
-                pass
+            for event, self._previous in checked_lines(path, log):
+                self.last_s = event.time_s
             whole = log.rfind(b"\n") + 1
             if whole < len(log):
                 os.truncate(path, whole)
@@ -56,15 +62,23 @@ class EventLog:
 
         Raises RecordError; the log then ends with its last whole line.
         """
-        line = json.dumps(
+        line = self._line(time_s, kind, details)
+        self._file.append(line + b"\n")
+        self._previous = hashlib.sha256(line).hexdigest()
+        self.last_s = time_s
+        if durable:
+            self._file.sync()
+
+    def head_with(self, time_s: float, kind: str, details: Mapping[str, Any]) -> str:
+        """Return the SHA-256 of the line that `append` would write: the head of the chain then."""
+        return hashlib.sha256(self._line(time_s, kind, details)).hexdigest()
+
+    def _line(self, time_s: float, kind: str, details: Mapping[str, Any]) -> bytes:
+        return json.dumps(
             {"t_s": round(time_s, 9), "event": kind, **details, "previous": self._previous},
             ensure_ascii=False,
             allow_nan=False,
         ).encode()
-        self._file.append(line + b"\n")
-        self._previous = hashlib.sha256(line).hexdigest()
-        if durable:
-            self._file.sync()
 
     def close(self) -> None:
         """Close the file."""
@@ -104,6 +118,25 @@ def checked_lines(path: Path, log: bytes) -> Iterator[tuple[Event, str]]:
             )
         previous = hashlib.sha256(line).hexdigest()
         yield Event(time_s, kind, data), previous
+
+
+def of_the_run(events: Sequence[Event]) -> Sequence[Event]:
+    """Return a log up to the last event that the run itself wrote."""
+    own = (n for n, event in enumerate(events, start=1) if event.kind not in RECORDED_LATER)
+    return events[: max(own, default=0)]
+
+
+def recorded_in_words(event: Event) -> str:
+    """Return what an event says that was done with a run folder; of others its kind alone."""
+    details = event.details
+    at = f" at {details['utc']}" if "utc" in details else ""
+    if event.kind == REVISED:
+        return f"revision {details.get('revision')} was written{at}"
+    if event.kind == SIGNED:
+        return f"signed by {details.get('signer')}{at}, key {details.get('key')}"
+    if event.kind == ISSUED:
+        return f"certificate {details.get('number')} was issued{at}"
+    return event.kind
 
 
 PAUSED, WENT_ON = "paused", "went-on"
@@ -226,4 +259,5 @@ def last_word_of_guardian(
     """Return the last event of the guardian where it came after everything that the run did."""
     acts = [event for event in of_guardian if event.kind != BENCH_READ]
     last = acts[-1] if acts else None
-    return last if last and last.details["after_events"] >= len(run_events) else None
+    own = len(of_the_run(run_events))
+    return last if last and last.details["after_events"] >= own else None

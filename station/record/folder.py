@@ -17,6 +17,7 @@ from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
 from station.record.events import RESUMED, Event, EventLog, read_events
 from station.record.files import json_text, write_whole_file
+from station.record.later import named_revisions, seal
 from station.record.layout import (
     EVENTS,
     RAW,
@@ -27,13 +28,12 @@ from station.record.layout import (
     next_segment,
     raw_file,
     run_lock,
-    write_manifest,
 )
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from station.record.integrity import Damage
+    from station.record.integrity import FolderState
     from station.record.raw import RawFile, RawIndex
 
 RESULTS = "results.json"
@@ -157,8 +157,11 @@ class RunRecord:
         self._try(self._events.close)
 
     def seal(self) -> None:
-        """Write the manifest; nothing of the folder changes after it."""
-        self._try(lambda: write_manifest(self.path))
+        """Log which revisions there are, and write the manifest.
+
+        What is done with the folder afterwards is recorded by `station.record.later`.
+        """
+        self._try(lambda: seal(self.path))
         self._lock.release()
 
     def _try(self, write: Callable[[], None]) -> None:
@@ -190,11 +193,11 @@ class RunFolder:
         """Finished units of work that count as not measured, since their data are damaged."""
 
     @cached_property
-    def damage(self) -> Damage:
+    def damage(self) -> FolderState:
         """What of the folder is not any more what the run wrote; looked for when first asked."""
-        from station.record.integrity import damage_of
+        from station.record.integrity import state_of
 
-        return damage_of(self)
+        return state_of(self, whole=True)
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
         """Return the details of each finished unit of work, in the order they were finished.
@@ -326,8 +329,9 @@ class RunFolder:
         parent = self.path / REVISIONS
         try:
             parent.mkdir(exist_ok=True)
-            taken = [int(path.name) for path in parent.iterdir() if path.name.isdecimal()]
-            number = max(taken, default=0) + 1
+            # One that was removed keeps its number.
+            names = [*(path.name for path in parent.iterdir()), *named_revisions(self.events)]
+            number = max((int(name) for name in names if name.isdecimal()), default=0) + 1
             while True:
                 with suppress(FileExistsError):  # another analysis was faster
                     revision = parent / f"{number:03d}"

@@ -142,15 +142,23 @@ def covered_files(folder: Path) -> dict[str, str]:
     return dict(files)
 
 
-def write_manifest(folder: Path) -> None:
-    """Write the manifest of `folder`: relative paths with `/`, in order."""
-    files = {
+def hashes_of_files(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of what a manifest of `folder` covers: relative paths with `/`, in order.
+
+    What is no plain file is left out.
+    """
+    return {
         path.relative_to(folder).as_posix(): file_hash(path)
         for path in sorted(folder.rglob("*"))
         if path.is_file()
         and path.name != MANIFEST
         and path.relative_to(folder).parts[0] not in NOT_COVERED
     }
+
+
+def write_manifest(folder: Path, files: Mapping[str, str] | None = None) -> None:
+    """Write the manifest of `folder`, of its files as they are unless their SHA-256 are given."""
+    files = hashes_of_files(folder) if files is None else files
     write_whole_file(folder / MANIFEST, manifest_text(files).encode())
 
 

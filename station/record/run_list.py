@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from station.errors import InputError
-from station.files.locks import is_held
 from station.record.careful_reading import first_line, own_text, read_json, words
-from station.record.layout import EVENTS, LOCK, PLAN, RUN
+from station.record.layout import EVENTS, PLAN, RUN
 from station.record.run_names import runs_below
+from station.record.verification import quick_look
 
 RESULTS = "results.json"
 OPERATOR = re.compile(r"^operator: (?!null\b)(.*?) *(?:#.*)?$", re.MULTILINE)
@@ -32,16 +32,19 @@ def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[d
 
 
 def entry_of(folder: Path) -> dict[str, Any]:
-    """Return how a run stands, from the first line of its log, its lock and its results."""
+    """Return how a run stands, by a quick look; a verdict that it does not vouch for is none."""
     begun = first_event(folder)
     facts = read_json(folder / RUN)
     verdict = words(read_json(folder / RESULTS).get("verdict")) or None
     dut = begun.get("dut")
     try:
-        running = is_held(folder / LOCK)
+        looked = quick_look(folder)
+        running = looked.going_on
         state = "running" if running else "evaluated" if verdict else "ended without results"
+        if verdict and looked.state in ("altered", "no-manifest"):
+            verdict, state = None, looked.sentence()
     except (OSError, InputError):
-        running, state = False, "its lock cannot be read"
+        running, verdict, state = False, None, "its lock cannot be read"
     return {
         "run": folder.name,
         "procedure": words(begun.get("procedure")),

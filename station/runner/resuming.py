@@ -17,7 +17,7 @@ from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
 from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedure, Prompt, procedure_of
-from station.record.events import LEFT_FOR_THE_END, RESUMED
+from station.record.events import LEFT_FOR_THE_END, RESUMED, of_the_run
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
@@ -90,7 +90,7 @@ def resume(request: ResumeRequest) -> Outcome:
         return outcome
     refuse_another_world(folder, facts, request.served)
     stopped_s = folder.events[-1].time_s
-    silent_s = real_seconds_since(folder.path / EVENTS)
+    silent_s = silent_since(folder)
     began_s = stopped_s if bench.simulation is not None else stopped_s + silent_s
     with BenchSession(bench, plan.procedure, request.served, began_s) as session:
         clock = session.clock
@@ -231,9 +231,12 @@ def past_of(folder: RunFolder, *, again: bool) -> Past:
     return Past(folder.finished_units(), answered)
 
 
-def real_seconds_since(file: Path) -> float:
-    """Return the real time in s since a file was last written."""
-    return max(utc_now().timestamp() - file.stat().st_mtime, 0.0)
+def silent_since(folder: RunFolder) -> float:
+    """Return the real time in s since the run itself last wrote into its log."""
+    later = folder.events[len(of_the_run(folder.events)) :]
+    before_s = sum(float(event.details.get("silent_s", 0.0)) for event in later)
+    written_s = (folder.path / EVENTS).stat().st_mtime
+    return before_s + max(utc_now().timestamp() - written_s, 0.0)
 
 
 def software_changes(facts: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from station.record.events import FIRST_HASH
+from station.record.layout import write_manifest
 
 
 def made_run(
@@ -26,10 +30,16 @@ def made_run(
     folder.mkdir(parents=True)
     dut = {"model": "C-3", "serial": serial}
     begun = {"t_s": 0.0, "event": "run-started", "procedure": "coil-constant", "dut": dut}
-    seen = {"event": "identified", "instrument": "gaussmeter", "model": "F71", "serial": "L1"}
-    events = [begun, seen, {"event": "run-ended", "complete": True}]
+    seen = {
+        "t_s": 0.0,
+        "event": "identified",
+        "instrument": "gaussmeter",
+        "model": "F71",
+        "serial": "L1",
+    }
+    events = [begun, seen, {"t_s": 0.0, "event": "run-ended", "complete": True}]
     texts = {
-        "events.jsonl": "".join(f"{json.dumps(one)}\n" for one in events),
+        "events.jsonl": chained(events),
         "plan.resolved.yaml": f"operator: Mei  # plan.yaml:3\ncheck_standard: {standard}\n".lower(),
         "bench.resolved.yaml": "name: sim\nsimulation:\n  seed: 1\n",
         "run.json": _json(
@@ -45,9 +55,17 @@ def made_run(
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     if sealed:
-        digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
-        (folder / "manifest.json").write_text(_json(digests), encoding="utf-8")
+        write_manifest(folder)
     return folder
+
+
+def chained(events: Sequence[dict[str, Any]]) -> str:
+    """Return the text of a log, each line with the SHA-256 of the one before."""
+    lines, previous = list[str](), FIRST_HASH
+    for event in events:
+        lines.append(json.dumps({**event, "previous": previous}))
+        previous = hashlib.sha256(lines[-1].encode()).hexdigest()
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _document(value: float | None, u: float, limit: float | None) -> dict[str, Any]:

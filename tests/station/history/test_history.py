@@ -112,7 +112,7 @@ def test_tables_of_a_first_version_are_brought_up_to_date(tmp_path: Path) -> Non
     made_run(tmp_path, 1, 1.1)
     kept(tmp_path)
     with closing(sqlite3.connect(tmp_path / FILE)) as database:
-        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("0001",)]
+        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("0002",)]
         names = {row[0] for row in database.execute("SELECT name FROM sqlite_master")}
     assert {"runs", "results", "instruments"} <= names
 

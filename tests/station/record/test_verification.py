@@ -2,18 +2,48 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import os
 import random
 import shutil
 from pathlib import Path
 
 import pytest
+from command_line import station
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from places import SIM
+from quick_yaml import dump_yaml, load_yaml
+from terminal import OnTerminal
 
+from station.cli.analysing import analyse_run
+from station.cli.looking import print_status
 from station.cli.verifying import sign_run, verify_runs
+from station.clock import RealClock, utc_now
+from station.control.status import read_status
 from station.errors import EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.files.locks import FileLock
-from station.record.layout import LOCK, MANIFEST, NOT_COVERED
-from station.record.signatures import new_key
+from station.history.summary import summary_of
+from station.record.events import read_events
+from station.record.folder import RunFolder, RunRecord
+from station.record.later import record_later
+from station.record.layout import (
+    EVENTS,
+    LOCK,
+    MANIFEST,
+    NOT_COVERED,
+    covered_files,
+    file_hash,
+    write_manifest,
+)
+from station.record.run_list import entry_of
+from station.record.signatures import new_key, sign
 from station.record.verification import verify
 
 BITS_EACH = 4
@@ -29,7 +59,7 @@ def run(one_axis_run: Path, tmp_path: Path) -> Path:
 
 def test_a_run_as_it_was_left_is_unchanged(run: Path) -> None:
     found = verify(run)
-    assert (found.changed, found.proven) == ((), True)
+    assert (found.changed, found.no_manifest, found.depth) == ((), False, "whole")
     assert found.to_data()["state"] == "unchanged"
 
 
@@ -88,10 +118,145 @@ def test_a_revision_without_a_manifest_is_named(run: Path) -> None:
     assert "007 was added" in said
 
 
+def cut_after(folder: Path, kind: str) -> None:
+    """Leave the log of a run up to its last event of a kind, its chain whole."""
+    log = folder / EVENTS
+    lines = log.read_bytes().splitlines(keepends=True)
+    events = list(read_events(log))
+    last = max(n for n, event in enumerate(events) if event.kind == kind)
+    log.write_bytes(b"".join(lines[: last + 1]))
+
+
 def test_a_killed_run_is_not_proven(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (run / MANIFEST).unlink()
+    cut_after(run, "unit-finished")
     assert verify_runs([run], as_json=False) == EXIT_UNDETERMINED
     assert "not proven" in capsys.readouterr().out
+
+
+def test_a_manifest_that_is_owed_is_missed_and_the_log_knows_the_results(run: Path) -> None:
+    (run / MANIFEST).unlink()
+    results = run / "results.json"
+    results.write_text(results.read_text(encoding="utf-8").replace("pass", "fail"), "utf-8")
+    sentences = " ".join(verify(run).changed)
+    assert "manifest.json is missing, though the log says" in sentences
+    assert "results.json was changed: events.jsonl has another SHA-256" in sentences
+    assert verify_runs([run], as_json=True) == EXIT_OUTSIDE_LIMIT
+    cut_after(run, "run-ended")  # as in a log of before it named revisions
+    assert "is missing" in " ".join(verify(run).changed)
+
+
+def analysed(run: Path) -> Path:
+    analyse_run(run, None, compare=False)
+    return max((run / "revisions").iterdir())
+
+
+@pytest.mark.parametrize("removed", ["revisions/001", "revisions/000", "revisions"])
+def test_a_revision_that_was_removed_is_missed(run: Path, removed: str) -> None:
+    assert analysed(run).name == "001"
+    assert not verify(run).changed
+    shutil.rmtree(run / removed)
+    sentences = " ".join(verify(run).changed)
+    for number in ("000", "001") if removed == "revisions" else (removed[-3:],):
+        assert f"{number} is missing: events.jsonl names this revision" in sentences
+    for whole in (True, False):
+        assert verify(run, whole=whole).state == "altered"
+
+
+def test_a_removed_revision_keeps_its_number(run: Path) -> None:
+    shutil.rmtree(analysed(run))
+    assert analysed(run).name == "002"
+
+
+def test_a_revision_that_was_added_or_written_anew_is_named(run: Path) -> None:
+    second = analysed(run)
+    results = second / "results.json"
+    results.write_text(results.read_text(encoding="utf-8").replace("pass", "fail"), "utf-8")
+    write_manifest(second)
+    shutil.copytree(second, second.with_name("002"))
+    sentences = " ".join(verify(run).changed)
+    assert "001/manifest.json was written anew" in sentences
+    assert "002 was added: events.jsonl does not name this revision" in sentences
+
+
+def as_of_before(run: Path) -> None:
+    """Make a run folder one of before the log named what was done once a run had ended."""
+    cut_after(run, "run-ended")
+    files = {**covered_files(run), EVENTS: file_hash(run / EVENTS)}
+    write_manifest(run, files)
+
+
+def test_a_run_of_before_is_not_altered(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    second = analysed(run)
+    as_of_before(run)
+    assert verify_runs([run], as_json=False) == 0
+    assert "unchanged, " in (said := capsys.readouterr().out)
+    assert "revisions not recorded" in said
+    third = analysed(run)
+    assert verify_runs([run], as_json=False) == 0
+    assert "not recorded" not in capsys.readouterr().out
+    shutil.rmtree(third)
+    shutil.rmtree(second)  # it was there when the third was recorded
+    assert len(verify(run).changed) == 2
+
+
+def test_an_analysis_while_the_run_goes_on_leaves_the_log_alone_and_is_recorded_at_its_end(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    as_of_before(run)
+    log = (run / EVENTS).read_bytes()
+    record = RunRecord.go_on(run, RealClock())
+    revision = analysed(run)
+    assert (run / EVENTS).read_bytes() == log
+    assert "is not in the log" in capsys.readouterr().err
+    record.close()
+    record.seal()
+    state = verify(run)
+    assert (state.changed, state.recorded) == ((), True)
+    shutil.rmtree(revision)
+    assert "001 is missing" in " ".join(verify(run).changed)
+
+
+def test_an_analysis_cut_off_before_the_manifest_was_renewed_is_no_damage(run: Path) -> None:
+    manifest = (run / MANIFEST).read_bytes()
+    analysed(run)
+    (run / MANIFEST).write_bytes(manifest)
+    assert not verify(run).changed
+
+
+def test_what_is_recorded_later_changes_nothing_that_is_said_of_the_run(run: Path) -> None:
+    before, results = read_status(run), (run / "results.json").read_bytes()
+    second = analysed(run)
+    assert read_status(run) == before
+    assert (second / "results.json").read_bytes() == results
+    assert (analysed(run) / "results.json").read_bytes() == results
+    folder = RunFolder(run)
+    assert folder.events[-1].time_s == next(folder.events_of("run-ended")).time_s
+
+
+def test_every_verdict_that_is_shown_is_one_that_is_vouched_for(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert entry_of(run)["verdict"] == "pass"
+    results = run / "results.json"
+    results.write_text(results.read_text(encoding="utf-8").replace("pass", "fail"), "utf-8")
+    entry = entry_of(run)
+    assert entry["verdict"] is None
+    assert entry["state"].startswith("ALTERED")
+    print_status(run, as_json=False)
+    assert "ALTERED: `station verify" in capsys.readouterr().out
+    print_status(run, as_json=True)
+    record = json.loads(capsys.readouterr().out)["record"]
+    assert (record["state"], record["depth"]) == ("altered", "quick")
+    with pytest.raises(InputError, match="not taken into the history"):
+        summary_of(run)
+
+
+def test_the_quick_depth_says_that_it_is_quick(run: Path) -> None:
+    (run / "plan.yaml").write_text("another", encoding="utf-8")
+    assert verify(run, whole=False).to_data()["depth"] == "quick"
+    assert "looked at alone" in verify(run, whole=False).sentence()
+    assert verify(run).state == "altered"
 
 
 def test_what_is_no_run_and_what_is_running_is_refused(run: Path, tmp_path: Path) -> None:
@@ -123,13 +288,204 @@ def test_a_signed_run_says_who_signed_it_and_when(
     assert (signature.state, len(signature.key)) == ("valid", 64)
 
 
-def test_a_signature_of_another_state_counts_for_that_one_alone(run: Path, key: Path) -> None:
+def edited(run: Path) -> None:
+    """Change a result, and write every manifest anew."""
+    for place in (run, run / "revisions" / "000"):
+        results = place / "results.json"
+        results.write_text(results.read_text(encoding="utf-8").replace("pass", "fail"), "utf-8")
+        write_manifest(place)
+
+
+def test_a_signed_run_whose_result_was_changed_is_no_earlier_state(
+    run: Path, key: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sign_run(run, key, "A")
-    manifest = run / MANIFEST
-    manifest.write_bytes(manifest.read_bytes() + b"\n")
-    assert [signature.state for signature in verify(run).signatures] == ["earlier"]
-    assert sign_run(run, key, "A") == EXIT_OUTSIDE_LIMIT
-    assert len(list((run / "signatures").iterdir())) == 1
+    edited(run)
+    assert verify_runs([run], as_json=False) == EXIT_OUTSIDE_LIMIT
+    printed = capsys.readouterr().out
+    assert "results.json was changed: events.jsonl has another SHA-256" in printed
+    assert "an earlier state" not in printed
+
+
+def test_a_chain_made_anew_is_none_that_was_signed(run: Path, key: Path) -> None:
+    """Who writes the log's end anew cannot sign it."""
+    sign_run(run, key, "A")
+    edited(run)
+    as_of_before(run)
+    record_later(run, "signed", {"signature": "000.json", "signer": "A", "key": "0" * 64})
+    (sentence,) = verify(run).changed
+    assert "000.json is no signature of this run: what it signs is no state of this run" in sentence
+
+
+def test_a_signature_from_before_the_log_named_them_counts_for_its_manifest(
+    run: Path, key: Path
+) -> None:
+    as_of_before(run)
+    write_old_signature(run, key)
+    assert [signature.state for signature in verify(run).signatures] == ["valid"]
+    analysed(run)
+    (signature,) = verify(run).signatures
+    assert (signature.state, len(signature.after)) == ("earlier", 1)
+    edited(run)
+    assert "is no signature of this run" in " ".join(verify(run).changed)
+
+
+def write_old_signature(run: Path, key: Path) -> None:
+    private = load_pem_private_key(key.read_bytes(), password=None)
+    assert isinstance(private, Ed25519PrivateKey)
+    words = json.dumps(
+        {"run": run.name, "head": file_hash(run / MANIFEST), "signer": "A", "time": "2026-01-01"}
+    )
+    kept = {
+        "signed": words,
+        "signature": base64.b64encode(private.sign(words.encode())).decode(),
+        "public_key": base64.b64encode(private.public_key().public_bytes_raw()).decode(),
+    }
+    (run / "signatures").mkdir()
+    (run / "signatures" / "000.json").write_text(json.dumps(kept), encoding="utf-8")
+
+
+def test_an_earlier_state_was_signed_where_the_log_says_what_came_after(
+    run: Path, key: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sign_run(run, key, "A")
+    analysed(run)
+    assert verify_runs([run], as_json=False) == 0
+    printed = capsys.readouterr().out
+    assert "an earlier state was signed by A" in printed
+    assert "since then: revision 001 was written" in printed
+    assert sign_run(run, key, "A") == 0
+    assert [signature.state for signature in verify(run).signatures] == ["earlier", "valid"]
+
+
+def test_a_signature_that_was_removed_is_missed(run: Path, key: Path) -> None:
+    sign_run(run, key, "A")
+    (run / "signatures" / "000.json").unlink()
+    (sentence,) = verify(run).changed
+    assert "000.json is missing: events.jsonl says that A signed at" in sentence
+
+
+def test_a_signature_copied_from_another_run_is_none(
+    run: Path, two_axes_run: Path, key: Path, tmp_path: Path
+) -> None:
+    other = Path(shutil.copytree(two_axes_run, tmp_path / "other"))
+    sign_run(other, key, "A")
+    shutil.copytree(other / "signatures", run / "signatures")
+    (sentence,) = verify(run).changed
+    assert "is no signature of this run: what it signs is no state of this run" in sentence
+
+
+def test_another_key_in_the_same_name_is_named_and_trust_decides(
+    run: Path, key: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right, wrong = "0", new_key(tmp_path / "other.pem")
+    sign_run(run, key, "A")
+    assert verify_runs([run], as_json=False) == 0
+    sign(run, tmp_path / "other.pem", "A", utc_now())
+    right = verify(run).signatures[0].key
+    assert verify_runs([run], as_json=False) == EXIT_OUTSIDE_LIMIT
+    assert "NOT TRUSTED" in (printed := capsys.readouterr().out)
+    assert f"signed in the name of A by another key ({wrong})" in printed
+    trusted = tmp_path / "trusted.txt"
+    trusted.write_text(f"# ours\n{right} A\n{wrong} A  # the old one\n", encoding="utf-8")
+    assert verify_runs([run], as_json=True, trusted=trusted) == 0
+    (entry,) = json.loads(capsys.readouterr().out)["runs"]
+    assert [signature["trusted"] for signature in entry["signatures"]] == [True, True]
+
+
+def test_a_run_that_no_trusted_key_signed_is_exit_code_1(
+    run: Path, key: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trusted = tmp_path / "trusted.txt"
+    trusted.write_text(f"{'a' * 64}\n", encoding="utf-8")
+    assert verify_runs([run], as_json=False, trusted=trusted) == EXIT_OUTSIDE_LIMIT
+    assert "has no signature by a trusted key" in capsys.readouterr().out
+    sign_run(run, key, "A")
+    capsys.readouterr()
+    assert verify_runs([run], as_json=False, trusted=trusted) == EXIT_OUTSIDE_LIMIT
+    (signature,) = verify(run).signatures
+    assert f"signed by a key that is not trusted: {signature.key}" in capsys.readouterr().out
+    trusted.write_text(f"{signature.key} B\n", encoding="utf-8")  # another's, not A's
+    assert verify_runs([run], as_json=False, trusted=trusted) == EXIT_OUTSIDE_LIMIT
+    trusted.write_text("no key\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"trusted.txt:1: no trusted key"):
+        verify_runs([run], as_json=False, trusted=trusted)
+
+
+def test_the_trusted_keys_are_those_of_the_bench_that_is_named(
+    run: Path, key: Path, tmp_path: Path
+) -> None:
+    sign_run(run, key, "A")
+    (signature,) = verify(run).signatures
+    bench = tmp_path / "lab.yaml"
+    laboratory = {"name": "L", "address": "1 Field Road", "trusted_keys": [f"{signature.key} A"]}
+    data = load_yaml(SIM.read_text(encoding="utf-8"))
+    bench.write_text(dump_yaml({**data, "laboratory": laboratory}), encoding="utf-8")
+    assert verify_runs([run], as_json=False, bench=str(bench)) == 0
+    # The copy in the folder is a forger's to write: it is not asked.
+    assert verify_runs([run], as_json=False, bench="sim") == EXIT_OUTSIDE_LIMIT
+
+
+def test_any_head_of_the_chain_counts_and_what_came_after_is_listed(
+    run: Path, key: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head = verify(run).head
+    analysed(run)
+    sign_run(run, key, "A")
+    capsys.readouterr()
+    for known in (head, head[:16].upper()):
+        assert verify_runs([run], as_json=False, head=known) == 0
+        printed = capsys.readouterr().out
+        assert "2 events since that head" in printed
+        assert "revision 001 was written" in printed
+    assert verify_runs([run], as_json=True, head=verify(run).heads[0]) == 0
+    for unknown in ("", head[:15], "f" * 64):
+        assert verify_runs([run], as_json=False, head=unknown) == EXIT_OUTSIDE_LIMIT
+    as_of_before(run)  # the tail is cut off with what it names: only who has the head finds it
+    shutil.rmtree(run / "signatures")
+    assert verify_runs([run], as_json=False, head=head) == EXIT_OUTSIDE_LIMIT
+    with pytest.raises(InputError, match="one run"):
+        verify_runs([run, run], as_json=False, head=head)
+
+
+@pytest.mark.parametrize("name", ["", " ", "A\x1b[2J", "A\nB", "A\u202eB", "x" * 201])
+def test_a_name_that_does_not_print_is_refused(run: Path, key: Path, name: str) -> None:
+    with pytest.raises(InputError, match="is no name"):
+        sign_run(run, key, name)
+    assert not (run / "signatures").exists()
+
+
+def test_a_pipe_among_the_signatures_hangs_nothing(run: Path) -> None:
+    (run / "signatures").mkdir()
+    os.mkfifo(run / "signatures" / "000.json")
+    os.mkfifo(run / "raw" / "pipe")
+    sentences = " ".join(verify(run).changed)
+    assert "000.json is no signature of this run: it is no plain file" in sentences
+    assert "pipe is no plain file" in sentences
+
+
+def encrypted(key: Path, password: bytes) -> Path:
+    private = load_pem_private_key(key.read_bytes(), password=None)
+    forms = (Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(password))
+    key.write_bytes(private.private_bytes(*forms))
+    return key
+
+
+def test_an_encrypted_key_needs_a_terminal(run: Path, key: Path) -> None:
+    encrypted(key, b"word")
+    done = station(run.parent, "sign", str(run), "--key", str(key), "--signer", "A")
+    assert done.returncode == 2
+    assert "is encrypted, and there is no terminal to ask for its password" in done.stderr
+
+
+def test_an_encrypted_key_is_asked_for_its_password(run: Path, key: Path) -> None:
+    encrypted(key, b"word")
+    for answer, code in (("another", 2), ("word", 0)):
+        terminal = OnTerminal(run.parent, "sign", run, "--key", key, "--signer", "A")
+        terminal.wait_for("password of the key")
+        terminal.type(f"{answer}\n")
+        assert terminal.ended() == code, terminal.shown
+    assert verify(run).signatures[0].state == "valid"
 
 
 @pytest.mark.parametrize("what", ["signed", "signature", "public_key"])
