@@ -123,10 +123,13 @@ RUN_FILES = {
     "at 001",
     "revisions/NNN/report.html": "its report",
     "revisions/NNN/manifest.json": "SHA-256 of both",
+    "signatures/NNN.json": "a signature: the words that were signed (who, when, the SHA-256 of the "
+    "log's line that says so), the signature, the public key",
     "exports/RUN.h5": "the raw data as HDF5, made from the record when the run ends",
     "exports/…": "remade reports and exported data; no manifest covers them",
     "run.lock": "held while a run writes into the folder; in no manifest",
-    "manifest.json": "SHA-256 of every file but itself, `exports`, `revisions` and `run.lock`",
+    "manifest.json": "SHA-256 of every file but itself, `exports`, `revisions`, `signatures` and "
+    "`run.lock`; made anew for the log when a revision or a signature is added",
 }
 
 RUN_EVENTS = {
@@ -193,6 +196,13 @@ RUN_EVENTS = {
     "guardian-lost": "a guardian ended or stood still while the run went on; `at_s` says when",
     "guardian-replaced": "a new guardian is ready, `after_s` of real time later",
     "run-ended": "the end of the run; `complete` says whether every step was done",
+    "revision-written": "results were computed: by the run itself (`revision` 000), or again, at "
+    "`utc`, `silent_s` after the line before; `files` and `revisions` are the SHA-256 of what the "
+    "manifest covers and of each revision's manifest. `t_s` is that of the line before",
+    "signed": "`signer` signed with `key`, the SHA-256 of the public key; the file `signature` "
+    "holds the SHA-256 of this line; the rest as in `revision-written`",
+    "certificate-issued": "a certificate was issued under `number`; the rest as in "
+    "`revision-written`",
 }
 
 

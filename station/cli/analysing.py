@@ -72,8 +72,7 @@ def analyse_run(path: Path, output: Path | None, *, compare: bool) -> ResultDocu
     folder = RunFolder(path)
     old = stored_results(folder) if compare else None
     document, findings = evaluate_run(folder)
-    for sentence in first(folder.damage.remade):
-        tell(f"not used here, but altered: {sentence}")
+    name_unused(folder)
     place = made(output) if output else folder.new_revision()
     write_revision(folder, place, document, findings)
     if output is None:
@@ -83,6 +82,12 @@ def analyse_run(path: Path, output: Path | None, *, compare: bool) -> ResultDocu
         difference = largest_difference(old, document.to_data())
         tell(f"largest difference from the stored results: {difference:.3g} standard uncertainties")
     return document
+
+
+def name_unused(folder: RunFolder) -> None:
+    """Name what was altered in a folder, though nothing that was evaluated is made of it."""
+    for sentence in first(folder.damage.remade):
+        tell(f"not used here, but altered: {sentence}")
 
 
 def record_revision(run: Path, revision: Path) -> None:
@@ -98,8 +103,7 @@ def stored_results(folder: RunFolder) -> dict[str, Any]:
     stored = folder.path / RESULTS
     if not stored.is_file():
         raise InputError(f"{folder.path} has no stored {RESULTS} to compare with")
-    altered = [sentence for sentence in folder.damage.remade if sentence.startswith(f"{stored} ")]
-    if altered:
+    if altered := folder.damage.against(RESULTS):
         raise DamagedRecord(f"{altered[0]}; leave --compare out")
     try:
         old: dict[str, Any] = json.loads(stored.read_text(encoding="utf-8"))

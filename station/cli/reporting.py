@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from station.cli.analysing import name_unused
 from station.console import tell
 from station.errors import InputError
 from station.record.files import write_whole_file
@@ -52,6 +53,7 @@ def remake_report(
         certificate(folder, format, paper, letterhead, texts) if kind == "certificate" else None
     )
     content = content or report(folder, format, paper, letterhead, texts)
+    name_unused(folder)
     file.parent.mkdir(exist_ok=True)
     write_whole_file(file, content)
     print(file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,6 +29,8 @@ from station.history.versions import bring_up_to_date
 from station.record.run_names import runs_below
 
 AT_ONCE = 500
+CLASS = re.compile(r"^\([\w.]+\) ")
+"""SQLAlchemy puts the name of the driver's exception before what it says."""
 NUMBERS = ("value", "standard_uncertainty", "expanded_uncertainty", "limit_min", "limit_max")
 TEXTS = ("run", "started_utc", "procedure", "model", "serial", "bench", "name", "unit", "verdict")
 _HERE = socket.gethostname()
@@ -250,7 +253,7 @@ def _named(url: str) -> Iterator[None]:
         raise
     except Exception as error:  # whatever is in a damaged database: nothing else depends on it
         shown = url.rpartition("@")[2]
-        sentence = str(error).partition("\n")[0]
+        sentence = CLASS.sub("", str(error).partition("\n")[0])
         raise HistoryError(
             f"the history at {shown} cannot be used: {sentence}; the run folders hold all of it: "
             f"mend the database or the URL in {URL}, or delete {FILE}, and run "

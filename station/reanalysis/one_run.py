@@ -77,7 +77,9 @@ def _results(document: ResultDocument, stored: Mapping[str, Any]) -> Iterator[Ro
 
 
 def _stored(folder: RunFolder) -> Mapping[str, Any]:
-    """Return the results that a folder stores; none where it has none that can be read."""
+    """Return the results that a folder stores; none where it has none that are the run's own."""
+    if folder.damage.against(RESULTS):
+        return {}
     try:
         stored: Mapping[str, Any] = json.loads((folder.path / RESULTS).read_text(encoding="utf-8"))
     except (OSError, ValueError):

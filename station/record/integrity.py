@@ -85,6 +85,7 @@ class OpenedRecord(Protocol):
         ...
 
 
+ADDED = f"{{file}} was added: {MANIFEST} does not name it"
 State = Literal["unchanged", "altered", "no-manifest", "running"]
 QUICK, WHOLE = "quick", "whole"
 NO_MANIFEST = (
@@ -128,6 +129,12 @@ class FolderState:
             for part in self.parts
         )
         return tuple(dict.fromkeys((*self.altered, *self.remade, *parts)))
+
+    def against(self, name: str) -> list[str]:
+        """Return how a file differs from what the run left; nothing of one that was added."""
+        added = ADDED.format(file=self.path / name)
+        about = (text for text in self.changed if text.startswith(f"{self.path / name} "))
+        return [text for text in about if text != added]
 
     @property
     def state(self) -> State:
@@ -339,7 +346,7 @@ def _added_files(path: Path, known: Mapping[str, str]) -> Iterator[str]:
         elif not file.is_file():
             yield f"{file} is no plain file: the run makes none other"
         elif name not in known:
-            yield f"{file} was added: {MANIFEST} does not name it"
+            yield ADDED.format(file=file)
 
 
 def _damaged_raw(

@@ -135,6 +135,11 @@ function chime() {
 
 async function after() {
   const response = await fetch(API + "results");
+  if (response.status === 409) { // the folder does not vouch for them any more
+    resultsShown = true;
+    show("notice", true);
+    say("notice", (await response.json()).error);
+  }
   if (!response.ok) return;
   resultsShown = true;
   const data = await response.json();

@@ -27,8 +27,9 @@ from station.files.lookup import BENCHES, find
 from station.files.yaml.document import yaml_text
 from station.guardian.supervisor import Guardian, GuardianFailed
 from station.instruments.bench import read_bench
-from station.record.events import Event, guardian_events, latest_safe_state
+from station.record.events import REVISED, Event, guardian_events, latest_safe_state
 from station.record.folder import RunFolder
+from station.record.later import record_later
 from station.record.layout import GUARDIAN_LOG, MANIFEST, write_manifest
 from station.record.recorded import left_unverified, read_plan_and_bench
 from station.safety.acknowledgement import unacknowledged
@@ -117,6 +118,15 @@ def test_status_and_analysis_learn_what_the_guardian_did(killed: Killed) -> None
     assert "the guardian made the bench safe" in status.message
     folder = RunFolder(killed.run.folder)
     assert not left_unverified(folder, read_plan_and_bench(folder)[1])
+
+
+def test_what_the_guardian_did_stays_the_last_word_when_the_run_is_analysed(
+    killed: Killed, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(killed.run.folder, tmp_path / "run"))
+    record_later(folder, REVISED, {"revision": "001"})
+    assert "the guardian made the bench safe" in read_status(folder).message
+    assert not (folder / MANIFEST).exists()
 
 
 def test_the_guardian_writes_a_chained_log_that_a_manifest_covers(

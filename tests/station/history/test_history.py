@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from socket import gethostname
 
 import pytest
+from alembic import command
+from alembic.config import Config
 from command_line import station
+from for_people import need_sentences
 from history_runs import made_run
+from sqlalchemy import create_engine
 
 from station.cli.history import lines
 from station.cli.remembering import out_of_control, remember
@@ -22,6 +28,8 @@ from station.history.page import page_of
 from station.history.place import FILE, URL
 from station.history.series import series_of
 from station.history.store import History, HistoryError, Wanted
+from station.history.versions import MIGRATIONS
+from station.record.layout import file_hash
 
 SPREAD = random.Random(7)
 
@@ -108,13 +116,151 @@ def test_nobody_keeps_a_history_unasked(tmp_path: Path) -> None:
         History(tmp_path / "nowhere")
 
 
+def of_first_version(parent: Path, *folders: Path) -> None:
+    """Make a history as the first version kept it, with a row for each folder."""
+    with closing(sqlite3.connect(parent / FILE)) as database:
+        config = Config()
+        config.set_main_option("script_location", str(MIGRATIONS))
+        engine = create_engine(f"sqlite:///{parent / FILE}")
+        with engine.begin() as connection:
+            config.attributes["connection"] = connection
+            command.upgrade(config, "0001")
+        engine.dispose()
+        for number, folder in enumerate(folders, start=1):
+            run = {
+                "id": number,
+                "host": "lab",
+                "run": folder.name,
+                "folder": str(folder),
+                "started_utc": f"2026-02-0{number}",
+                "procedure": "coil-constant",
+                "model": "C-3",
+                "serial": f"OLD-{number}",
+                "bench": "sim",
+                "simulated": True,
+                "check_standard": False,
+                "state": "evaluated",
+                "verdict": "pass",
+                "head": file_hash(folder / "manifest.json") if folder.is_dir() else "",
+            }
+            marks = ", ".join("?" * len(run))
+            database.execute(
+                f"INSERT INTO runs ({', '.join(run)}) VALUES ({marks})", list(run.values())
+            )
+            database.execute(
+                "INSERT INTO results (run_id, name, axis, value, unit, verdict) "
+                "VALUES (?, 'coil_constant', 'x', 1.5, 'mT/A', 'pass')",
+                [number],
+            )
+        database.commit()
+
+
 def test_tables_of_a_first_version_are_brought_up_to_date(tmp_path: Path) -> None:
-    made_run(tmp_path, 1, 1.1)
-    kept(tmp_path)
+    there, gone = made_run(tmp_path, 1, 1.1), tmp_path / "gone"
+    of_first_version(tmp_path, there, gone)
+    assert verify_runs([there], as_json=False) == 0
+    # What was there is read again and has its key; what is gone is kept as it was.
+    assert kept(tmp_path) == [("SN-1", 1.1), ("OLD-2", 1.5)]
     with closing(sqlite3.connect(tmp_path / FILE)) as database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("0002",)]
-        names = {row[0] for row in database.execute("SELECT name FROM sqlite_master")}
-    assert {"runs", "results", "instruments"} <= names
+        rows = database.execute("SELECT run, computer, key IS NULL FROM runs").fetchall()
+    assert sorted(rows) == [(there.name, gethostname(), 0), ("gone", "lab", 1)]
+
+
+@pytest.fixture
+def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two benches whose runs one database holds."""
+    monkeypatch.setenv(URL, f"sqlite:///{tmp_path / 'shared.sqlite3'}")
+    for day in range(1, 4):
+        made_run(tmp_path / "a", day, 1.0 + day / 10)
+        made_run(tmp_path / "b", day + 10, 2.0 + day / 10, serial="SN-2")
+    return tmp_path
+
+
+def test_a_rebuild_replaces_what_is_below_its_own_folder_alone(shared: Path) -> None:
+    assert len(kept(shared / "a")) == 3
+    assert len(kept(shared / "b")) == 6
+    shutil.rmtree(next((shared / "a").iterdir()))
+    with closing(History(shared / "a")) as history:
+        assert history.rebuild() == (2, [])
+        assert len(history.results()) == 5
+
+
+def test_a_folder_that_was_copied_or_moved_counts_once(shared: Path) -> None:
+    kept(shared / "a")
+    before = kept(shared / "b")
+    shutil.copytree(shared / "a", shared / "copies")
+    assert kept(shared / "copies") == before
+    with closing(History(shared / "copies")) as history:
+        history.rebuild()
+        assert len(history.results()) == 6
+    shutil.rmtree(shared / "copies")
+    (shared / "a").rename(shared / "archive")
+    assert kept(shared / "archive") == before
+    with closing(sqlite3.connect(shared / "shared.sqlite3")) as database:
+        folders = [Path(row[0]).parent.name for row in database.execute("SELECT folder FROM runs")]
+    assert sorted(folders) == ["archive"] * 3 + ["b"] * 3
+
+
+def test_two_runs_of_one_plan_that_began_alike_count_twice(tmp_path: Path) -> None:
+    first, second = made_run(tmp_path, 1, 1.1), made_run(tmp_path, 2, 1.2)
+    lines = [(one / "events.jsonl").read_bytes().splitlines()[0] for one in (first, second)]
+    assert lines[0] == lines[1]  # on a simulated bench the logs are alike
+    assert len(kept(tmp_path)) == 2
+
+
+def test_an_altered_folder_is_not_taken_in_and_what_was_taken_in_stays(tmp_path: Path) -> None:
+    folder = made_run(tmp_path, 1, 1.1)
+    results = folder / "results.json"
+    whole = results.read_text(encoding="utf-8")
+    results.write_text(whole.replace("1.1", "1.2"), encoding="utf-8")
+    with closing(History(tmp_path)) as history:
+        count, (sentence,) = history.take_in()
+        assert (count, history.results()) == (0, [])
+    assert "is not taken into the history: ALTERED" in sentence
+    results.write_text(whole, encoding="utf-8")
+    assert kept(tmp_path) == [("SN-1", 1.1)]
+    results.write_text(whole.replace("1.1", "1.2"), encoding="utf-8")
+    (folder / "manifest.json").unlink()
+    with closing(History(tmp_path)) as history:
+        count, (sentence,) = history.take_in()
+        assert [entry.value for entry in history.results()] == [1.1]
+    assert "ALTERED" in sentence
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "no database": lambda file: file.write_bytes(b"no database, and long enough to show it " * 40),
+    "a text for a number": lambda file: changed_in(file, "UPDATE results SET value = 'x'"),
+    "no tables": lambda file: changed_in(file, "DROP TABLE results", "DROP TABLE runs"),
+    "an unknown version": lambda file: changed_in(
+        file, "UPDATE alembic_version SET version_num = ''"
+    ),
+    "bytes that are no text": lambda file: changed_in(
+        file, "UPDATE runs SET serial = CAST(x'ff' AS TEXT)"
+    ),
+    "half of it": lambda file: os.truncate(file, file.stat().st_size // 2),
+}
+
+
+def changed_in(file: Path, *statements: str) -> None:
+    with closing(sqlite3.connect(file)) as database:
+        for statement in statements:
+            database.execute(statement)
+        database.commit()
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_database_keeps_nobody_from_a_run_nor_from_verify(
+    damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    standards(tmp_path, [1.0, 1.1, 0.9, 1.0, 1.05, 0.95, 1.0, 1.1, 0.9])
+    kept(tmp_path)
+    DAMAGES[damage](tmp_path / FILE)
+    folder = made_run(tmp_path, 30, 1.2)
+    assert verify_runs([folder], as_json=False) == 0
+    out_of_control("sim", tmp_path)
+    remember(folder)
+    need_sentences(capsys.readouterr().err, damage)
 
 
 def standards(parent: Path, values: list[float]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -102,6 +103,24 @@ def test_no_link_leads_out_of_a_run(served: Served, tmp_path: Path) -> None:
     for what in ("report", "results"):
         status, text = served.get(f"/api/run/{NAME}/{what}")
         assert status == 404 and "secret" not in text
+
+
+def test_results_and_report_that_were_changed_are_not_shown(
+    served: Served, one_axis_run: Path
+) -> None:
+    folder = served.runs / one_axis_run.name
+    for name in ("results.json", "report.html"):
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(one_axis_run, folder)
+        file, what = folder / name, name.partition(".")[0]
+        assert served.get(f"/api/run/{folder.name}/{what}")[0] == 200
+        file.write_text(file.read_text(encoding="utf-8").replace("pass", "fail"), encoding="utf-8")
+        status, text = served.get(f"/api/run/{folder.name}/{what}")
+        assert status == 409 and "station verify" in json.loads(text)["error"]
+    home = json.loads(served.get("/api/home")[1])["runs"]
+    shutil.rmtree(folder)
+    (entry,) = [entry for entry in home if entry["run"] == folder.name]
+    assert entry["verdict"] == "pass"  # it is the report that was changed last
 
 
 @pytest.mark.parametrize("path", ["/run/%00", f"/run/{'a' * 300}", f"/api/run/{'a' * 300}/events"])

@@ -22,6 +22,7 @@ from command_line import station_command
 from limited_files import limited
 
 from station import registry
+from station.cli.analysing import analyse_run
 from station.cli.running import resume_run
 from station.clock import RealClock
 from station.control.client import ask
@@ -29,11 +30,13 @@ from station.errors import InputError, NotAcknowledged, StationError
 from station.files.plan import read_plan
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures
+from station.record.events import REVISED
 from station.record.folder import RunFolder, RunRecord
-from station.record.layout import RUN
+from station.record.layout import EVENTS, RUN
+from station.record.verification import verify
 from station.runner.execute import SERVED_SINCE, Request, conclude, execute
 from station.runner.outcome import Outcome
-from station.runner.resuming import ResumeRequest, resume
+from station.runner.resuming import ResumeRequest, resume, silent_since
 from station.safety.acknowledgement import acknowledge
 
 DURING_NA = "300 s"
@@ -162,6 +165,26 @@ def test_after_a_full_disk(plan: Path, reference: Path, tmp_path: Path) -> None:
     assert done.returncode == 3, done.stderr
     folder = Path(json.loads(done.stdout)["run"])
     judged(folder, reference, lambda: go_on(folder))
+
+
+def test_an_analysis_in_between_is_recorded_and_changes_nothing(
+    interrupted: Path, reference: Path, tmp_path: Path
+) -> None:
+    before = RunFolder(interrupted)
+    log = interrupted / EVENTS
+    os.utime(log, (100.0, log.stat().st_mtime - 100.0))
+    silent_s = silent_since(before)
+    analyse_run(interrupted, None, compare=False)
+    assert verify(interrupted).changed == ()
+    after = RunFolder(interrupted)
+    assert after.events[-1].kind == REVISED
+    assert after.events[-1].time_s == before.events[-1].time_s
+    assert silent_since(after) == pytest.approx(silent_s, abs=10.0)
+    bench = bench_at(tmp_path)
+    judged(interrupted, reference, lambda: go_on(interrupted, bench))
+    assert verify(interrupted).changed == ()
+    shutil.rmtree(interrupted / "revisions" / "001")
+    assert "001 is missing" in " ".join(verify(interrupted).changed)
 
 
 @pytest.mark.campaign

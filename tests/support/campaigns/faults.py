@@ -40,6 +40,7 @@ from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
 from station.method.work import POLL_S
 from station.procedure import Step, procedure_of
+from station.record.events import of_the_run
 from station.record.folder import RunFolder, RunRecord
 from station.runner.evaluation import evaluate_run
 from station.runner.execute import Request, conclude, execute, head_of, inputs_of, what_is_planned
@@ -512,7 +513,7 @@ def recorded(
     folder = ended.folder
     if folder is None or ended.outcome is None:
         return
-    if not folder.events or folder.events[-1].kind != "run-ended":
+    if [event.kind for event in of_the_run(folder.events)][-1:] != ["run-ended"]:
         yield "the log does not end with the end of the run"
     until_s = (math.inf if ended.first_s is None else ended.first_s) - 2 * POLL_S
     for name, content in reference.raw.items():
