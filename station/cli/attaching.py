@@ -15,7 +15,7 @@ from shlex import quote
 from threading import Event, Thread
 from typing import IO
 
-from station.cli.analysing import print_document
+from station.cli.analysing import name_unused, print_document
 from station.cli.controlling import abort_run, logs_of
 from station.cli.running import ANNOUNCE, may_ask
 from station.clock import RealClock, boot_seconds
@@ -179,7 +179,9 @@ def how_it_ended(folder: Path, failure: str) -> int:
     if status.state == "finished" and (folder / RESULTS).is_file():
         if not status.bench_safe:
             tell("NOT VERIFIED: go to the bench and look at it now")
-        document, _ = evaluate_run(RunFolder(folder))
+        run = RunFolder(folder)
+        document, _ = evaluate_run(run)
+        name_unused(run)
         print_document(document)
         print(f"report: {folder / REPORT}")
         ask_what_was_left(folder)

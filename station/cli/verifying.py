@@ -24,6 +24,7 @@ from station.history.place import is_kept
 from station.record.events import Event, recorded_in_words
 from station.record.folder import RunFolder
 from station.record.integrity import FolderState
+from station.record.layout import covered_files
 from station.record.signatures import (
     Signature,
     States,
@@ -132,14 +133,14 @@ def trusted_keys(file: Path | None, bench: str | None) -> Trusted | None:
 def verified_run(folder: Path, trusted: Trusted | None = None, head: str | None = None) -> Verified:
     """Return the state of a whole run folder, held against the history, keys and a head."""
     state = verify(folder)
-    elsewhere = list(against_history(folder))
+    elsewhere = list(against_history(folder, state))
     since = None if head is None else since_head(state, head)
     if head is not None and since is None:
         elsewhere.append(f"{folder} never had the head {head}: its log was altered, or is another")
     return Verified(state, trusted, tuple(elsewhere), tuple(against_keys(state, trusted)), since)
 
 
-def against_history(folder: Path) -> Iterator[str]:
+def against_history(folder: Path, state: FolderState) -> Iterator[str]:
     """Yield that the history knows another state, where one is kept.
 
     Whoever writes a run's files, log and manifest anew does not change what the history holds.
@@ -155,17 +156,17 @@ def against_history(folder: Path) -> Iterator[str]:
     except StationError as error:
         tell(f"WARNING: not held against the history: {error}")
         return
-    if known is not None and states_of(folder).after(known) is None:
+    if known is not None and states_of(state).after(known) is None:
         yield f"{folder} is not what the history took in at its end: its manifest was written anew"
 
 
-def states_of(folder: Path, state: FolderState | None = None) -> States:
-    """Return the states that a folder was in; none where its log cannot be read."""
+def states_of(state: FolderState) -> States:
+    """Return the states that a folder was in; none where log or manifest cannot be read."""
     try:
-        events = RunFolder(folder).events
-        return States(folder, events, (state or verify(folder, whole=False)).heads)
+        covered_files(state.path)
+        return States(state.path, RunFolder(state.path).events, state.heads)
     except StationError:
-        return States(folder, (), ())
+        return States(state.path, (), ())
 
 
 def against_keys(state: FolderState, trusted: Trusted | None) -> Iterator[str]:
@@ -190,7 +191,7 @@ def since_head(state: FolderState, head: str) -> tuple[Event, ...] | None:
     """
     head = head.strip().lower()
     fitting = {line for line in state.heads if len(head) >= SHOWN and line.startswith(head)}
-    states = states_of(state.path, state)
+    states = states_of(state)
     return states.after(fitting.pop() if len(fitting) == 1 else head)
 
 

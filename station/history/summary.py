@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from station.errors import InputError
+from station.record.files import is_own_file
 from station.record.folder import RESULTS
 from station.record.layout import BENCH, EVENTS, MANIFEST, PLAN, RUN, file_hash
 from station.record.verification import quick_look
@@ -62,13 +63,16 @@ def summary_of(folder: Path) -> RunSummary:
 
 
 def _summary(folder: Path) -> RunSummary:
+    for name in (EVENTS, RUN, PLAN, BENCH):
+        if not is_own_file(folder / name):
+            raise ValueError(f"{name} is missing, or is no plain file")
     log = (folder / EVENTS).read_bytes().splitlines()
     whole = log if _is_json(log[-1]) else log[:-1]  # the last line of a killed run may be cut
     begun, facts = json.loads(whole[0]), _json(folder / RUN)
     if begun["event"] != RUN_STARTED:
         raise ValueError(f"{EVENTS} does not begin with {RUN_STARTED}")
     plan = yaml.load((folder / PLAN).read_text(encoding="utf-8"), QUICK)
-    document = _json(folder / RESULTS) if (folder / RESULTS).is_file() else {}
+    document = _json(folder / RESULTS) if is_own_file(folder / RESULTS) else {}
     run = {
         "key": _key(whole[0], facts),
         "host": facts["host"],
@@ -97,6 +101,8 @@ def key_of(folder: Path) -> str:
     It is the SHA-256 of the first line of its log, which holds by its chain for all of them, and
     of when and where the run began: two runs of one plan on a simulated bench begin alike.
     """
+    if not (is_own_file(folder / EVENTS) and is_own_file(folder / RUN)):
+        raise ValueError(f"{EVENTS} or {RUN} is missing, or is no plain file")
     with (folder / EVENTS).open("rb") as log:
         return _key(log.readline().removesuffix(b"\n"), _json(folder / RUN))
 

@@ -88,14 +88,6 @@ class OpenedRecord(Protocol):
 ADDED = f"{{file}} was added: {MANIFEST} does not name it"
 State = Literal["unchanged", "altered", "no-manifest", "running"]
 QUICK, WHOLE = "quick", "whole"
-NO_MANIFEST = (
-    "The run has no manifest: it was killed. Checked are the chain of its log, its resolved plan "
-    "and bench, and each raw block's own check sum."
-)
-MANIFEST_OWED = (
-    "The manifest is missing, though the log says that the run was complete: it was removed, or "
-    "the evaluation was killed. Checked is what the log holds a SHA-256 of."
-)
 
 
 @dataclass(frozen=True)
@@ -199,8 +191,18 @@ class FolderState:
                 f"{more} more parts of the raw data are damaged; left out in all: {out}.",
                 details={"count": more, "units": list(self.units)},
             )
-        if self.no_manifest:
-            yield Flag("no-manifest", MANIFEST_OWED if self.owed else NO_MANIFEST)
+        if self.owed:
+            yield Flag(
+                "no-manifest",
+                "The manifest is missing, though the log says that the run was complete: it was "
+                "removed, or the evaluation was killed. Checked is what the log has a SHA-256 of.",
+            )
+        elif self.no_manifest:
+            yield Flag(
+                "no-manifest",
+                "The run has no manifest: it was killed. Checked are the chain of its log, its "
+                "resolved plan and bench, and each raw block's own check sum.",
+            )
 
 
 def sentence_of(part: DamagedPart) -> str:

@@ -23,7 +23,7 @@ from getpass import getpass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.errors import InputError
+from station.errors import InputError, RecordError
 from station.files.locks import is_held
 from station.record.events import RECORDED_LATER, RESUMED, SIGNED, Event, recorded_in_words
 from station.record.files import is_own_file, write_whole_file
@@ -161,7 +161,11 @@ def sign(folder: Path, key_path: Path, signer: str, time: datetime) -> Signature
         write_whole_file(file, (json.dumps(kept, indent=1) + "\n").encode())
 
     details = {"signature": file.name, "signer": signer, "key": _print_of(public)}
-    record_later(folder, SIGNED, details, write)
+    try:
+        record_later(folder, SIGNED, details, write)
+    except RecordError:
+        file.unlink(missing_ok=True)
+        raise
     return Signature(file.name, signer, stated["time"], _print_of(public), "valid")
 
 
@@ -236,8 +240,10 @@ class States:
     @cached_property
     def _manifests(self) -> dict[str, int]:
         """Return how many lines the log had, by the SHA-256 of the manifest of that time."""
-        files = covered_files(self._folder)
         digest, lines = hashlib.sha256(), dict[str, int]()
+        if not (self._events and is_own_file(self._folder / EVENTS)):
+            return lines
+        files = covered_files(self._folder)
         log = (self._folder / EVENTS).read_bytes().splitlines(keepends=True)
         for count, line in enumerate(log, start=1):
             digest.update(line)

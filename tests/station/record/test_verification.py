@@ -7,6 +7,8 @@ import json
 import os
 import random
 import shutil
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -29,6 +31,7 @@ from station.clock import RealClock, utc_now
 from station.control.status import read_status
 from station.errors import EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.files.locks import FileLock
+from station.history.store import History
 from station.history.summary import summary_of
 from station.record.events import read_events
 from station.record.folder import RunFolder, RunRecord
@@ -462,6 +465,42 @@ def test_a_pipe_among_the_signatures_hangs_nothing(run: Path) -> None:
     sentences = " ".join(verify(run).changed)
     assert "000.json is no signature of this run: it is no plain file" in sentences
     assert "pipe is no plain file" in sentences
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "gone": lambda file: None,
+    "empty": lambda file: file.write_bytes(b""),
+    "no text": lambda file: file.write_bytes(b'\xff\x00[{"' * 50),
+    "deep": lambda file: file.write_bytes(b"[" * 100_000),
+    "a list": lambda file: file.write_bytes(b"[1, 2]\n"),
+    "a pipe": lambda file: os.mkfifo(file),
+    "a folder": lambda file: file.mkdir(),
+    "a link": lambda file: file.symlink_to("/etc/hostname"),
+}
+
+
+def test_whatever_becomes_of_a_file_is_found_and_hangs_nothing(
+    run: Path, key: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    analysed(run)
+    sign_run(run, key, "A")
+    with closing(History(tmp_path)) as history:
+        assert history.take_in() == (1, [])
+    whole, chance = tmp_path / "whole", random.Random(7)
+    shutil.copytree(run, whole / "run")
+    for file in sorted(path.relative_to(run) for path in run.rglob("*") if path.is_file()):
+        if file.parts[0] in ("exports", LOCK):
+            continue
+        for damage in chance.sample(sorted(DAMAGES), 2):
+            shutil.rmtree(run)
+            shutil.copytree(whole / "run", run)
+            (run / file).unlink()
+            DAMAGES[damage](run / file)
+            assert verify_runs([run], as_json=False) == EXIT_OUTSIDE_LIMIT, (file, damage)
+            assert "cannot be read" not in entry_of(run)["state"]
+            with closing(History(tmp_path)) as history:
+                history.take_in()
+                assert len(history.results()) == 1
 
 
 def encrypted(key: Path, password: bytes) -> Path:
