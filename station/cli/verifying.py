@@ -208,7 +208,7 @@ def lines(verified: Verified) -> Iterator[str]:
         )
     else:
         unrecorded = "" if state.recorded else "; revisions not recorded"
-        yield f"{state.path}: unchanged, {state.files} files{unrecorded}"
+        yield f"{state.path}: unchanged, {state.files} files, every byte{unrecorded}"
     if state.head:
         yield f"  head {state.head}"
     for signature in state.signatures:
