@@ -24,7 +24,6 @@ from station.history.place import is_kept
 from station.record.events import Event, recorded_in_words
 from station.record.folder import RunFolder
 from station.record.integrity import FolderState
-from station.record.layout import covered_files
 from station.record.signatures import (
     Signature,
     States,
@@ -34,7 +33,7 @@ from station.record.signatures import (
     read_trusted,
     sign,
 )
-from station.record.verification import verify
+from station.record.verification import verify, was_in
 
 SHOWN = 16
 """Digits of a key's SHA-256 that people compare, and the fewest of a head that name it."""
@@ -120,27 +119,27 @@ def trusted_keys(file: Path | None, bench: str | None) -> Trusted | None:
             text = file.read_text(encoding="utf-8")
         except (OSError, ValueError) as error:
             raise InputError(f"cannot read the trusted keys {file}: {error}") from error
-        keys |= read_trusted(text.splitlines(), str(file))
+        keys |= read_trusted(text, str(file))
     if bench is not None:
         from station.cli.validating import read_bench_named
 
         laboratory = read_bench_named(bench).file.laboratory
         named = laboratory.trusted_keys if laboratory else ()
-        keys |= read_trusted(named, f"bench {bench}, laboratory.trusted_keys")
+        keys |= read_trusted("\n".join(named), f"bench {bench}, laboratory.trusted_keys")
     return keys
 
 
 def verified_run(folder: Path, trusted: Trusted | None = None, head: str | None = None) -> Verified:
     """Return the state of a whole run folder, held against the history, keys and a head."""
     state = verify(folder)
-    elsewhere = list(against_history(folder, state))
+    elsewhere = list(against_history(folder))
     since = None if head is None else since_head(state, head)
     if head is not None and since is None:
         elsewhere.append(f"{folder} never had the head {head}: its log was altered, or is another")
     return Verified(state, trusted, tuple(elsewhere), tuple(against_keys(state, trusted)), since)
 
 
-def against_history(folder: Path, state: FolderState) -> Iterator[str]:
+def against_history(folder: Path) -> Iterator[str]:
     """Yield that the history knows another state, where one is kept.
 
     Whoever writes a run's files, log and manifest anew does not change what the history holds.
@@ -148,7 +147,7 @@ def against_history(folder: Path, state: FolderState) -> Iterator[str]:
     parent = folder.resolve().parent
     if not is_kept(parent):
         return
-    from station.history.store import History
+    from station.history.store import NOT_TAKEN_IN, History
 
     try:
         with closing(History(parent)) as history:
@@ -156,17 +155,8 @@ def against_history(folder: Path, state: FolderState) -> Iterator[str]:
     except StationError as error:
         tell(f"WARNING: not held against the history: {error}")
         return
-    if known is not None and states_of(state).after(known) is None:
-        yield f"{folder} is not what the history took in at its end: its manifest was written anew"
-
-
-def states_of(state: FolderState) -> States:
-    """Return the states that a folder was in; none where log or manifest cannot be read."""
-    try:
-        covered_files(state.path)
-        return States(state.path, RunFolder(state.path).events, state.heads)
-    except StationError:
-        return States(state.path, (), ())
+    if known is not None and not was_in(folder, known):
+        yield f"{folder} is {NOT_TAKEN_IN}"
 
 
 def against_keys(state: FolderState, trusted: Trusted | None) -> Iterator[str]:
@@ -191,8 +181,11 @@ def since_head(state: FolderState, head: str) -> tuple[Event, ...] | None:
     """
     head = head.strip().lower()
     fitting = {line for line in state.heads if len(head) >= SHOWN and line.startswith(head)}
-    states = states_of(state)
-    return states.after(fitting.pop() if len(fitting) == 1 else head)
+    try:
+        states = States(state.path, RunFolder(state.path).events, state.heads)
+        return states.after(fitting.pop() if len(fitting) == 1 else head)
+    except StationError:  # log or manifest cannot be read
+        return None
 
 
 def lines(verified: Verified) -> Iterator[str]:

@@ -27,12 +27,26 @@ from station.history.summary import DAMAGE, RunSummary, key_of, manifest_head, s
 from station.history.tables import INSTRUMENTS, RESULTS, RUNS
 from station.history.versions import bring_up_to_date
 from station.record.run_names import runs_below
+from station.record.verification import was_in
 
 AT_ONCE = 500
+NOT_TAKEN_IN = "not what the history took in at its end: its manifest was written anew"
 CLASS = re.compile(r"^\([\w.]+\) ")
 """SQLAlchemy puts the name of the driver's exception before what it says."""
 NUMBERS = ("value", "standard_uncertainty", "expanded_uncertainty", "limit_min", "limit_max")
-TEXTS = ("run", "started_utc", "procedure", "model", "serial", "bench", "name", "unit", "verdict")
+TEXTS = (
+    "run",
+    "computer",
+    "folder",
+    "started_utc",
+    "procedure",
+    "model",
+    "serial",
+    "bench",
+    "name",
+    "unit",
+    "verdict",
+)
 _HERE = socket.gethostname()
 
 
@@ -56,6 +70,8 @@ class Entry:
     """A result of a run, with what is needed of the run to put it into order."""
 
     run: str
+    computer: str
+    folder: str
     started_utc: str
     procedure: str
     model: str
@@ -94,7 +110,10 @@ class History:
 
     def take_one(self, folder: Path) -> None:
         """Take in one run folder, in the place of what is there of it; may raise InputError."""
-        self._write([summary_of(folder)])
+        left_out = list[str]()
+        self._write([summary_of(folder)], left_out)
+        if left_out:
+            raise InputError(left_out[0])
 
     def take_in(self) -> tuple[int, list[str]]:
         """Take in the run folders that the history lacks; return how many, and what was left out.
@@ -114,16 +133,16 @@ class History:
         )
 
     def rebuild(self) -> tuple[int, list[str]]:
-        """Forget what is below this parent, and take in every run folder that is there.
+        """Forget the folders of this parent that are gone, and take in every one that is there.
 
         Returns how many, and what was left out. Runs of other folders, and of other computers that
-        share the database, stay.
+        share the database, stay; so does what was taken in of a folder that was altered since.
         """
         parent = self._parent.resolve()
         with self._begun() as connection:
             here = select(RUNS.c.id, RUNS.c.folder).where(RUNS.c.computer == _HERE)
             for row in connection.execute(here).all():
-                if Path(row.folder).parent == parent:
+                if Path(row.folder).parent == parent and not Path(row.folder).is_dir():
                     _forget(connection, row.id)
         return self._add(runs_below(self._parent))
 
@@ -153,15 +172,19 @@ class History:
             except InputError as error:
                 left_out.append(str(error))
             if len(summaries) == AT_ONCE:
-                count += self._write(summaries)
+                count += self._write(summaries, left_out)
                 summaries.clear()
-        return count + self._write(summaries), left_out
+        return count + self._write(summaries, left_out), left_out
 
-    def _write(self, summaries: Iterable[RunSummary]) -> int:
+    def _write(self, summaries: Iterable[RunSummary], left_out: list[str]) -> int:
+        """Write runs, and add a sentence for each that was altered since it was taken in."""
         count = 0
         with self._begun() as connection:
             for summary in summaries:
-                count += _replace(connection, summary)
+                try:
+                    count += _replace(connection, summary)
+                except InputError as error:
+                    left_out.append(str(error))
         return count
 
     @contextmanager
@@ -179,7 +202,8 @@ def _replace(connection: Connection, summary: RunSummary) -> bool:
     """Write a run in the place of what was there of it; return whether it was written.
 
     What is known of a folder elsewhere stays while that folder is there, as far as can be seen
-    from here: a copy counts once.
+    from here: a copy counts once. Raises InputError for a folder that never was in the state in
+    which the run was taken in.
     """
     run = summary.run
     same = RUNS.c.key == run["key"]
@@ -192,6 +216,9 @@ def _replace(connection: Connection, summary: RunSummary) -> bool:
         there = known.computer != run["computer"] or Path(known.folder).is_dir()
         if elsewhere and there and known.verdict is not None:
             return False
+        same_run = known.key in (None, run["key"]) and known.verdict is not None
+        if same_run and not was_in(Path(run["folder"]), known.head):
+            raise InputError(f"{run['folder']} is {NOT_TAKEN_IN}; it stays as it was taken in")
         _forget(connection, known.id)
     new = connection.execute(insert(RUNS).values(**run)).inserted_primary_key
     assert new is not None

@@ -457,6 +457,9 @@ def _altered_revisions(folder: OpenedRecord, *, whole: bool) -> Iterator[str]:
     """Yield each revision that is missing or was added, and each of its files that was changed."""
     revisions, named = folder.path / REVISIONS, named_revisions(folder.events)
     there = {path.name: path for path in sorted(revisions.iterdir())} if revisions.is_dir() else {}
+    for folder_of in (revisions, folder.path / SIGNATURES):
+        if folder_of.is_symlink():
+            yield f"{folder_of} is a link: the run makes none"
     for number in named:
         if number not in there:
             yield f"{revisions / number} is missing: {EVENTS} names this revision"

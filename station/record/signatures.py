@@ -15,7 +15,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import cached_property
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 PRIVATE_MODE = 0o600
 LONGEST_NAME = 200
 MOST_BYTES = 100_000
+PEM = re.compile(r"-----BEGIN PUBLIC KEY-----.*?-----END PUBLIC KEY-----", re.DOTALL)
 PRINT = re.compile(r"[0-9a-f]{64}")
 DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError)
 """What a signature that somebody has written by hand may raise."""
@@ -63,13 +64,14 @@ class Signature:
         return {**asdict(self), "after": list(self.after)}
 
 
-def read_trusted(lines: Iterable[str], where: str) -> dict[str, str]:
+def read_trusted(text: str, where: str) -> dict[str, str]:
     """Return the names that trusted keys may sign in, by their prints; "" for any name.
 
     A line is the SHA-256 of a public key in 64 hexadecimal digits, then a name or nothing; `#`
-    begins a comment. Raises InputError.
+    begins a comment. A public key itself, as PEM, is trusted in any name. Raises InputError.
     """
-    trusted = {}
+    trusted = {_print_of_pem(block, where): "" for block in PEM.findall(text)}
+    lines = PEM.sub(lambda block: "\n" * block[0].count("\n"), text).splitlines()
     for number, line in enumerate(lines, start=1):
         words = line.partition("#")[0].strip()
         if not words:
@@ -82,6 +84,19 @@ def read_trusted(lines: Iterable[str], where: str) -> dict[str, str]:
             )
         trusted[digits.lower()] = name
     return trusted
+
+
+def _print_of_pem(block: str, where: str) -> str:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_pem_public_key
+
+    try:
+        key = load_pem_public_key(block.encode())
+    except ValueError as error:
+        raise InputError(f"{where}: a public key in it cannot be read: {error}") from error
+    if not isinstance(key, Ed25519PublicKey):
+        raise InputError(f"{where}: a public key in it is no Ed25519 key")
+    return _print_of(key.public_bytes_raw())
 
 
 def is_trusted(signature: Signature, trusted: Mapping[str, str]) -> bool:

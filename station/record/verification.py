@@ -18,6 +18,7 @@ from station.record.layout import (
     SIGNATURES,
     covered_files,
 )
+from station.record.signatures import States
 
 REMEMBERED = 5000
 
@@ -45,6 +46,18 @@ def quick_look(folder: Path) -> FolderState:
         return FolderState(folder, QUICK, going_on=True)
     looked_at = (EVENTS, MANIFEST, RESULTS, REVISIONS, SIGNATURES)
     return _quick_look(folder, tuple(_stamp(folder / name) for name in looked_at))
+
+
+def was_in(folder: Path, head: str) -> bool:
+    """Whether a run folder was in the state that a line of its log or a manifest stands for.
+
+    `head` is that one's SHA-256. What the log says was done since is no matter.
+    """
+    try:
+        run = RunFolder(folder)
+        return States(folder, run.events, state_of(run, whole=False).heads).after(head) is not None
+    except StationError:
+        return False
 
 
 def refuse_unproven(folder: Path, *files: str) -> None:

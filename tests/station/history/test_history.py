@@ -29,7 +29,8 @@ from station.history.place import FILE, URL
 from station.history.series import series_of
 from station.history.store import History, HistoryError, Wanted
 from station.history.versions import MIGRATIONS
-from station.record.layout import file_hash
+from station.record.later import record_later
+from station.record.layout import file_hash, write_manifest
 
 SPREAD = random.Random(7)
 
@@ -226,6 +227,32 @@ def test_an_altered_folder_is_not_taken_in_and_what_was_taken_in_stays(tmp_path:
         count, (sentence,) = history.take_in()
         assert [entry.value for entry in history.results()] == [1.1]
     assert "ALTERED" in sentence
+
+
+def test_a_folder_sealed_anew_is_not_taken_in_in_the_place_of_what_was(tmp_path: Path) -> None:
+    folder = made_run(tmp_path, 1, 1.1)
+    kept(tmp_path)
+    results = folder / "results.json"
+    results.write_text(results.read_text(encoding="utf-8").replace("1.1", "1.2"), encoding="utf-8")
+    write_manifest(folder)
+    for take_in in (History.take_in, History.rebuild):
+        with closing(History(tmp_path)) as history:
+            count, (sentence,) = take_in(history)
+            assert [entry.value for entry in history.results()] == [1.1]
+        assert count == 0
+        assert "is not what the history took in at its end" in sentence
+    record_later(folder, "revision-written", {"revision": "001"})  # does not make it whole again
+    assert verify_runs([folder], as_json=False) == 1
+
+
+def test_a_run_that_was_analysed_since_is_the_one_that_was_taken_in(tmp_path: Path) -> None:
+    folder = made_run(tmp_path, 1, 1.1)
+    kept(tmp_path)
+    record_later(folder, "certificate-issued", {"number": "C-1"})
+    with closing(History(tmp_path)) as history:
+        assert history.take_in() == (1, [])
+        assert history.take_in() == (0, [])
+    assert verify_runs([folder], as_json=False) == 0
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {

@@ -18,6 +18,7 @@ from cryptography.hazmat.primitives.serialization import (
     BestAvailableEncryption,
     Encoding,
     PrivateFormat,
+    PublicFormat,
     load_pem_private_key,
 )
 from places import SIM
@@ -410,6 +411,10 @@ def test_a_run_that_no_trusted_key_signed_is_exit_code_1(
     assert f"signed by a key that is not trusted: {signature.key}" in capsys.readouterr().out
     trusted.write_text(f"{signature.key} B\n", encoding="utf-8")  # another's, not A's
     assert verify_runs([run], as_json=False, trusted=trusted) == EXIT_OUTSIDE_LIMIT
+    private = load_pem_private_key(key.read_bytes(), password=None)
+    public = private.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    trusted.write_bytes(b"# of the laboratory\n" + public)
+    assert verify_runs([run], as_json=False, trusted=trusted) == 0
     trusted.write_text("no key\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"trusted.txt:1: no trusted key"):
         verify_runs([run], as_json=False, trusted=trusted)
