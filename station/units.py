@@ -269,6 +269,32 @@ def format_quantity(value: float, unit: str) -> str:
     return f"{number.removesuffix('.0')} {unit}"
 
 
+SHOWN_IN = {"T": ("mT", 1e3)}
+"""Fields are set, read and plotted in one unit."""
+PREFIXES = (("m", 1e3), ("u", 1e6), ("n", 1e9))
+PREFIXED = ("A", "V", "W", "s", "ohm")
+"""Whose small values are shown with a prefix."""
+
+
+def shown_in(unit: str) -> tuple[str, float]:
+    """Return the unit in which values of a unit are shown, and what they are multiplied by."""
+    return SHOWN_IN.get(unit, (unit, 1.0))
+
+
+def shown(value: float, unit: str) -> str:
+    """Return a value with its unit as people read it: `-0.554 mA`, never `-0.000554 A`."""
+    unit, factor = shown_in(unit)
+    value *= factor
+    if unit in PREFIXED and 0.0 < abs(value) < 1.0:
+        for prefix, larger in PREFIXES:
+            if abs(value) * larger >= 0.1:
+                return f"{value * larger:.3g} {prefix}{unit}"
+        return f"0 {unit}"
+    if 0.0 < abs(value) < 1e-4:
+        return f"{value:.1e} {unit}".rstrip()
+    return f"{value:.4g} {unit}".rstrip()
+
+
 def _kind(value: object) -> str:
     if value is None:
         return "nothing"

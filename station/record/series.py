@@ -1,8 +1,13 @@
-"""What a run has recorded so far, thinned: each source's columns over run time, 600 points each."""
+"""What a run has recorded so far, thinned: each source's columns over run time, 600 points each.
+
+Of so many rows the least and the greatest value are kept, each at its time: what swings, or was
+there for a moment, is shown as large as it was.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +20,7 @@ from station.record.layout import RAW
 from station.record.raw import ARRIVAL
 from station.record.raw_tail import RawTail
 from station.roles.role import role, role_of
+from station.units import shown_in
 
 Array = NDArray[np.float64]
 
@@ -26,38 +32,68 @@ NO_QUANTITY = ("time_s", "state", "flags", "sequence", "number", "valid")
 
 
 class Thinned:
-    """A growing series of means, of as many values each as keeps it below `MOST_POINTS`."""
+    """A growing series of the extremes of as many rows each as keeps it below `MOST_POINTS`.
 
-    def __init__(self) -> None:
-        self.means = np.empty((0, 2))
-        """Times in s and values, shape (points, 2)."""
+    `counted` values only grow: the last of so many stands for them, since what is shown is their
+    change. `mean` is that of all values.
+    """
+
+    def __init__(self, *, counted: bool = False) -> None:
+        self._counted = counted
         self._each = 1
+        self._groups = np.empty((0, 1 if counted else 2, 2))
+        """Of each group of rows its points, times in s and values."""
         self._waiting = np.empty((0, 2))
+        self._sum, self._count = 0.0, 0
 
     def add(self, time_s: Array, value: Array) -> None:
         """Add values at times, shape (n,) both; what is no number is left out."""
         rows = np.column_stack([time_s, value])
-        rows = np.concatenate([self._waiting, rows[np.isfinite(rows).all(axis=1)]])
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        self._sum, self._count = self._sum + float(rows[:, 1].sum()), self._count + len(rows)
+        rows = np.concatenate([self._waiting, rows])
+        per_group = self._groups.shape[1]
         while True:
             whole = len(rows) // self._each * self._each
-            means = rows[:whole].reshape(-1, self._each, 2).mean(axis=1)
-            if len(self.means) + len(means) < MOST_POINTS:
+            groups = self._kept(rows[:whole].reshape(-1, self._each, 2))
+            if (len(self._groups) + len(groups)) * per_group < MOST_POINTS:
                 break
-            even = len(self.means) // 2 * 2
-            odd = np.repeat(self.means[even:], self._each, axis=0)
-            self.means = self.means[:even].reshape(-1, 2, 2).mean(axis=1)
+            even = len(self._groups) // 2 * 2
+            odd = np.repeat(self._groups[even:].reshape(-1, 2), self._each, axis=0)[: self._each]
+            self._groups = self._kept(self._groups[:even].reshape(even // 2, 2 * per_group, 2))
             self._each, rows = 2 * self._each, np.concatenate([odd, rows])
-        self.means, self._waiting = np.concatenate([self.means, means]), rows[whole:]
+        self._groups = np.concatenate([self._groups, groups])
+        self._waiting = rows[whole:]
 
-    def data(self, *, rate: bool = False) -> dict[str, list[float]]:
-        """Return times in s and values, or what the values change by in a second."""
-        times, values = self.means.T
-        if rate:
+    @property
+    def mean(self) -> float:
+        """The mean of all values; NaN where there is none."""
+        return self._sum / self._count if self._count else math.nan
+
+    def data(self, *, factor: float = 1.0) -> dict[str, list[float]]:
+        """Return times in s and values, those of counts as what they change by in a second."""
+        points = self._groups.reshape(-1, 2)
+        if self._counted:
             # What arrived together has one time: its last count is that of the time.
-            last = np.append(np.diff(times) > 0.0, True)[: len(times)]
-            times, values = times[last], values[last]
-            times, values = (times[1:] + times[:-1]) / 2.0, np.diff(values) / np.diff(times)
-        return {"t": times.round(3).tolist(), "v": [float(f"{value:.7g}") for value in values]}
+            points = points[np.append(np.diff(points[:, 0]) > 0.0, True)[: len(points)]]
+            times = (points[1:, 0] + points[:-1, 0]) / 2.0
+            values = np.diff(points[:, 1]) / np.diff(points[:, 0])
+        else:
+            # A group of one row, or of equal ones, has its point twice.
+            again = (np.diff(points, axis=0) == 0.0).all(axis=1)
+            points = points[np.append(True, ~again)[: len(points)]]
+            times, values = points.T
+        return {"t": times.round(3).tolist(), "v": [float(f"{v:.7g}") for v in values * factor]}
+
+    def _kept(self, groups: Array) -> Array:
+        """Return the points that stand for groups of rows, shape (groups, rows, 2)."""
+        if self._counted:
+            return groups[:, -1:]
+        value = groups[:, :, 1]
+        if not value.size:
+            return np.empty((len(groups), 2, 2))
+        chosen = np.sort(np.stack([value.argmin(axis=1), value.argmax(axis=1)], axis=1), axis=1)
+        return np.take_along_axis(groups, chosen[:, :, None], axis=1)
 
 
 class RunSeries:
@@ -82,7 +118,9 @@ class RunSeries:
             for _, rows in tail.new_rows():
                 added = True
                 for name in columns_of(rows):
-                    series.setdefault(name, Thinned()).add(rows[ARRIVAL], rows[name])
+                    if name not in series:
+                        series[name] = Thinned(counted=name == COUNTED)
+                    series[name].add(rows[ARRIVAL], rows[name])
                 if boot_seconds() > until_s:
                     return added
         return added
@@ -95,8 +133,16 @@ class RunSeries:
         plots: dict[str, dict[str, dict[str, list[float]]]] = {}
         for source, series in self._series.items():
             for name, thinned in series.items():
-                plots.setdefault(f"{source}, {unit_of(name)}", {})[name] = values_of(name, thinned)
+                shown = f"{source}, {unit_of(name)}"
+                plots.setdefault(shown, {})[name_of(name)] = values_of(name, thinned)
         return plots
+
+    def ranges(self) -> Iterator[tuple[str, str, tuple[float, float, float]]]:
+        """Yield source, column, and the least, the mean and the greatest value of each series."""
+        for source, series in self._series.items():
+            for name, thinned in series.items():
+                if values := thinned.data()["v"]:
+                    yield source, name, (min(values), thinned.mean, max(values))
 
     def of_device(self) -> Trace | None:
         """Return what the device under test gave, None where nothing of it was recorded yet."""
@@ -121,12 +167,18 @@ class Trace(NamedTuple):
 
 def unit_of(column: str) -> str:
     """Return the unit in which a column is shown."""
-    return "counts/s" if column == COUNTED else column.rpartition("_")[2]
+    return "counts/s" if column == COUNTED else shown_in(column.rpartition("_")[2])[0]
+
+
+def name_of(column: str) -> str:
+    """Return the name of a column with the unit in which it is shown."""
+    quantity, _, unit = column.rpartition("_")
+    return f"{quantity}_{shown_in(unit)[0]}" if quantity else column
 
 
 def values_of(column: str, series: Thinned) -> dict[str, list[float]]:
     """Return times in s and values of a column as it is shown."""
-    return series.data(rate=column == COUNTED)
+    return series.data(factor=shown_in(column.rpartition("_")[2])[1])
 
 
 def source_of(path: Path) -> str:

@@ -105,16 +105,11 @@ def ambient_rows(folder: RunFolder) -> Iterator[tuple[str, ...]]:
     """Yield source, smallest, mean and largest value, and unit of each condition recorded."""
     series = RunSeries(folder.path)
     series.look()
-    for name, columns in series.data().items():
-        source, _, unit = name.rpartition(", ")
-        if unit not in AMBIENT_UNITS:
-            continue
-        for column, line in columns.items():
-            if values := line["v"]:
-                mean = sum(values) / len(values)
-                texts = [f"{value:.2f}" for value in (min(values), mean, max(values))]
-                what = column.rpartition("_")[0].replace("_", " ")
-                yield source, what, *texts, AMBIENT_UNITS[unit]
+    for source, column, values in series.ranges():
+        what, _, unit = column.rpartition("_")
+        if unit in AMBIENT_UNITS:
+            texts = [f"{value:.2f}" for value in values]
+            yield source, what.replace("_", " "), *texts, AMBIENT_UNITS[unit]
 
 
 def traceability(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock
 from station.safety.readings import Readings
+from station.units import shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,5 +96,5 @@ def columns_of(row: NDArray[Any]) -> dict[str, str]:
 
 
 def value_text(value: float | str, unit: str) -> str:
-    """Return a value with its unit: four digits show what goes on, the record has them all."""
-    return value if isinstance(value, str) else f"{value:.4g} {unit}".rstrip()
+    """Return a value with its unit: a few digits show what goes on, the record has them all."""
+    return value if isinstance(value, str) else shown(value, unit)

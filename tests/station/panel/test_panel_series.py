@@ -16,7 +16,7 @@ from station.record.series import MOST_POINTS, RunSeries, Thinned
 
 
 @pytest.mark.parametrize("block", [1, 7, 100, 5000])
-def test_a_series_keeps_its_mean_and_its_length(block: int) -> None:
+def test_a_series_keeps_its_extremes_its_mean_and_its_length(block: int) -> None:
     time_s = np.arange(5000) * 0.1
     value = np.sin(time_s / 30.0)
     series = Thinned()
@@ -25,7 +25,35 @@ def test_a_series_keeps_its_mean_and_its_length(block: int) -> None:
     shown = series.data()
     assert MOST_POINTS // 3 <= len(shown["t"]) < MOST_POINTS
     assert all(a < b for a, b in zip(shown["t"][:-1], shown["t"][1:], strict=True))
-    assert np.allclose(shown["v"], np.sin(np.array(shown["t"]) / 30.0), atol=0.01)
+    assert np.allclose(shown["v"], np.sin(np.array(shown["t"]) / 30.0), atol=1e-6)
+    assert series.mean == pytest.approx(value.mean())
+
+
+@pytest.mark.parametrize("block", [3, 1000])
+def test_a_fast_sine_is_shown_as_large_as_it_is(block: int) -> None:
+    time_s = np.arange(20_000) * 0.1
+    value = 1.0e-3 * np.sin(2.0 * np.pi * 0.5 * time_s)
+    series = Thinned()
+    for at in range(0, 20_000, block):
+        series.add(time_s[at : at + block], value[at : at + block])
+    shown = np.array(series.data(factor=1e3)["v"])
+    for part in np.array_split(shown, 20):  # no beat
+        assert (part.min(), part.max()) == pytest.approx((-1.0, 1.0), abs=1e-6)
+
+
+def test_rows_that_came_together_keep_the_least_and_the_greatest() -> None:
+    series = Thinned()
+    for look in range(1000):
+        series.add(np.full(10, float(look)), np.linspace(-1.0, 1.0, 10))
+    assert set(series.data()["v"]) == {-1.0, 1.0}
+
+
+def test_the_field_is_plotted_in_the_unit_in_which_it_is_set(one_axis_run: Path) -> None:
+    plots = RunSeries(one_axis_run)
+    plots.look()
+    data = plots.data()
+    assert set(data["gaussmeter, mT"]) == {"x_mT", "y_mT", "z_mT"}
+    assert max(data["gaussmeter, mT"]["x_mT"]["v"]) == pytest.approx(1.0, abs=0.06)
 
 
 def test_what_is_no_number_is_left_out() -> None:
@@ -59,10 +87,10 @@ def test_counts_are_shown_as_a_rate(one_axis_run: Path) -> None:
 
 
 def test_counts_that_arrived_together_make_one_point_of_the_rate() -> None:
-    series = Thinned()
+    series = Thinned(counted=True)
     series.add(np.array([1.0, 1.0, 2.0, 2.0, 3.0]), np.array([5.0, 10.0, 15.0, 20.0, 30.0]))
-    assert series.data(rate=True) == {"t": [1.5, 2.5], "v": [10.0, 10.0]}
-    assert Thinned().data(rate=True) == {"t": [], "v": []}
+    assert series.data() == {"t": [1.5, 2.5], "v": [10.0, 10.0]}
+    assert Thinned(counted=True).data() == {"t": [], "v": []}
 
 
 def test_a_run_folder_that_is_gone_is_said_and_ends_no_viewer(
