@@ -9,7 +9,7 @@ from station.findings import Estimate, Flag
 CAUSES = "named_causes"
 UNDECIDED = "-undecided"
 """The end of the codes of what the data do not decide; the figure beside it says so, too."""
-NOT_MEASURED = "not-measured"
+NOT_MEASURED, NOT_TRIED = "not-measured", "not-tried"
 
 
 def named_causes(flags: Sequence[Flag]) -> Estimate:
@@ -18,7 +18,7 @@ def named_causes(flags: Sequence[Flag]) -> Estimate:
     A cause may have no figure of its own that a limit could hold, such as a reversed accelerometer.
     """
     codes = [flag.code for flag in flags if not flag.code.endswith(UNDECIDED)]
-    named = [code for code in codes if code != NOT_MEASURED]
+    named = [code for code in codes if code not in (NOT_MEASURED, NOT_TRIED)]
     extra = {"codes": named}
     method = "causes that the parts name"
     return Estimate(CAUSES, None, float(len(named)), "1", 0.0, None, method, {}, extra)

@@ -29,6 +29,14 @@ class Completion:
     figure: tuple[str, str, float] | None = None
 
 
+@dataclass(frozen=True)
+class Withheld:
+    """A part whose figures are not written, and the causes that are open."""
+
+    part: str
+    causes: tuple[str, ...]
+
+
 def figures_to_watch(
     estimates: Sequence[Estimate], watched: Sequence[str], changes: Sequence[Completion]
 ) -> tuple[CommissionedFigure, ...]:
@@ -60,9 +68,16 @@ def confirmed_forms(events: Iterable[Event]) -> tuple[ConfirmedForm, ...]:
 
 
 def files_of(
-    bench: str, written: Document, changes: Sequence[Completion], commissioned: Commissioned
+    bench: str,
+    written: Document,
+    changes: Sequence[Completion],
+    withheld: Sequence[Withheld],
+    commissioned: Commissioned,
 ) -> dict[str, str]:
-    """Return the completed bench file and the figures, file name to text."""
+    """Return the completed bench file and the figures, file name to text.
+
+    Without any figure there is no bench file: a check would have nothing to watch.
+    """
     data: dict[str, Any] = {
         "schema": 1,
         "bench": bench,
@@ -71,11 +86,15 @@ def files_of(
             {"key": ".".join(map(str, change.where)), "value": change.text, "why": change.why}
             for change in changes
         ],
+        "withheld": [
+            {"part": withheld_part.part, "causes": list(withheld_part.causes)}
+            for withheld_part in withheld
+        ],
     }
-    return {
-        FIGURES_FILE: json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
-        BENCH_FILE: bench_text(written, changes, commissioned),
-    }
+    figures = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    if not commissioned.figures:
+        return {FIGURES_FILE: figures}
+    return {FIGURES_FILE: figures, BENCH_FILE: bench_text(written, changes, commissioned)}
 
 
 def bench_text(

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING, Any
 
 from station.files.yaml.document import Document
 from station.files.yaml.reading import read_yaml
-from station.findings import Findings
+from station.findings import Findings, Flag
 from station.instruments.commissioned import Commissioned
 from station.record.layout import BENCH_AS_WRITTEN
 
-from . import chosen
-from .causes import named_causes
-from .completing import Completion, confirmed_forms, figures_to_watch, files_of
+from . import PARTS, chosen
+from .causes import NOT_TRIED, named_causes
+from .completing import Completion, Withheld, confirmed_forms, figures_to_watch, files_of
 from .drift import drifts, flags_of
 from .parameters import CommissioningParameters
+from .parts import Part
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -26,12 +28,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CommissioningDetail:
-    """What the parts found, by name; the bench file as written, its changes, its figures."""
+    """What the parts found, by name; the bench file as written, its changes, its figures.
+
+    `withheld`: the parts whose figures are not written, and the causes that are open. `left_out`:
+    the parts that this bench could have and the plan leaves out.
+    """
 
     parts: dict[str, Any]
     bench: str
     written: Document
     changes: tuple[Completion, ...]
+    withheld: tuple[Withheld, ...]
+    left_out: tuple[str, ...]
     commissioned: Commissioned | None
 
 
@@ -39,25 +47,36 @@ def findings_of_run(
     folder: RunFolder, parameters: CommissioningParameters, bench: Bench
 ) -> Findings:
     """Return the figures and causes of every part that was recorded, and what has drifted."""
-    parts = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
+    walked = [(part, own, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
+    parts = [(part, findings) for part, _, findings in walked]
     estimates = [estimate for _, findings in parts for estimate in findings.estimates]
     flags = [flag for _, findings in parts for flag in findings.flags]
     estimates.append(named_causes(flags))
+    untried = tuple(not_tried(parameters))
+    if untried:
+        message = f"Not tried: {'; '.join(untried)}."
+        flags.append(Flag(NOT_TRIED, message, details={"checks": list(untried)}))
+    open_causes = {part.name: causes_touching(part, walked) for part, _ in parts}
     written = read_yaml(folder.path / BENCH_AS_WRITTEN)
     changes = tuple(
         change
         for part, findings in parts
-        if part.completes is not None
+        if part.completes is not None and not open_causes[part.name]
         for change in part.completes(findings, bench)
         if change.where in written.scalars
     )
     allowed = {name: limit for part, _ in parts for name, limit in part.drift.items()}
     if parameters.watch and bench.commissioned is not None:
-        watched = list(drifts(estimates, allowed, bench.commissioned))
-        estimates += watched
-        flags += flags_of(watched)
+        drifted = list(drifts(estimates, allowed, bench.commissioned))
+        estimates += drifted
+        flags += flags_of(drifted)
     began = date.fromisoformat(folder.run_facts()["started_utc"][:10])
-    figures = figures_to_watch(estimates, list(allowed), changes)
+    watched_names = [name for part, _ in parts if not open_causes[part.name] for name in part.drift]
+    figures = figures_to_watch(estimates, watched_names, changes)
+    writes = [part for part, _ in parts if part.drift or part.completes is not None]
+    withheld = tuple(
+        Withheld(part.name, tuple(codes)) for part in writes if (codes := open_causes[part.name])
+    )
     commissioned = Commissioned(
         date=began,
         run=folder.path.name,
@@ -74,6 +93,8 @@ def findings_of_run(
             bench.name,
             written,
             changes,
+            withheld,
+            left_out(parameters, bench),
             None if parameters.watch else commissioned,
         ),
     )
@@ -84,4 +105,33 @@ def files_of_run(findings: Findings, document: ResultDocument) -> dict[str, str]
     detail: CommissioningDetail = findings.detail
     if detail.commissioned is None:
         return {}
-    return files_of(detail.bench, detail.written, detail.changes, detail.commissioned)
+    return files_of(
+        detail.bench, detail.written, detail.changes, detail.withheld, detail.commissioned
+    )
+
+
+def left_out(parameters: CommissioningParameters, bench: Bench) -> tuple[str, ...]:
+    """Return the parts that a bench could have and a plan leaves out; a check is short."""
+    possible = [part.name for part in PARTS if part.is_possible(bench)]
+    return () if parameters.watch else tuple({*possible} - {*parameters.checks})
+
+
+def causes_touching(part: Part, parts: Sequence[tuple[Part, Any, Findings]]) -> list[str]:
+    """Return the causes, named or undecided, that may falsify the figures of a part.
+
+    Its own, and those of every part that measures with one of its instruments.
+    """
+    own = next(set(p.instruments(parameters)) for p, parameters, _ in parts if p is part)
+    codes: dict[str, None] = {}
+    for other, parameters, findings in parts:
+        touches = other is part or (other.touches and own & set(other.instruments(parameters)))
+        if touches:
+            codes |= {f.code: None for f in findings.flags if f.code not in other.may_stand}
+    return list(codes)
+
+
+def not_tried(parameters: CommissioningParameters) -> Iterator[str]:
+    """Yield what the parts of a plan could have tried and did not; a check is short."""
+    for part, own in chosen(parameters):
+        for step, why in part.not_tried(own).items() if not parameters.watch else ():
+            yield f"{step}, {why}"

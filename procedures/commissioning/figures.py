@@ -11,17 +11,20 @@ from station.report.parts import Table
 from station.results import Result, ResultDocument
 
 from . import PARTS
-from .causes import CAUSES, NOT_MEASURED, UNDECIDED
+from .causes import CAUSES, NOT_MEASURED, NOT_TRIED, UNDECIDED
 from .parts import Part
 
-PASSED, FAILED, OPEN, LEFT_OUT = "passed", "FAILED", "not decided", "left out"
+PASSED, FAILED, OPEN = "passed", "FAILED", "not decided"
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[ReportPart, ...]:
-    """Return the list of what failed, and the checklist with a place for a signature."""
+    """Return what failed, what was not tried or written, and the checklist to sign."""
     failed = list(_failed(findings, document))
-    nothing = [("–", "–", "nothing failed", "–")]
-    return (
+    nothing = [("–", "–", "nothing failed of what was tried", "–")]
+    untried = [flag for flag in findings.flags if flag.code == NOT_TRIED]
+    checks = [check for flag in untried for check in flag.details["checks"]]
+    withheld = findings.detail.withheld
+    parts: list[ReportPart] = [
         Table(
             "What failed",
             "Named causes first, then figures outside their limits, then what is not decided. Mend "
@@ -29,14 +32,37 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[ReportPart
             ("check", "axis", "what", "limit"),
             failed or nothing,
         ),
+    ]
+    left_out = [(part.replace("_", " "), "left out") for part in sorted(findings.detail.left_out)]
+    if checks or left_out:
+        parts.append(
+            Table(
+                "What was not tried",
+                "Nothing is known of it. `station commission` ends with 3 where a part that was "
+                "chosen has a check that was not tried.",
+                ("check", "why"),
+                [*(check.partition(", ")[::2] for check in checks), *left_out],
+            )
+        )
+    if withheld:
+        parts.append(
+            Table(
+                "What was not written",
+                "Figures that a cause touches are written into no bench file while it is open.",
+                ("figures of", "open causes"),
+                [(part.part.replace("_", " "), ", ".join(part.causes)) for part in withheld],
+            )
+        )
+    parts.append(
         Table(
             "Checklist",
             "To be signed by who commissioned the bench. `station sign` signs the whole run folder "
             "with the laboratory's key; `station verify` shows by whom and when.",
             ("check", "what was done", "figures", "outcome", "name, date, signature"),
-            [_line(part, document) for part in PARTS],
-        ),
+            [line for part in PARTS if (line := _line(part, document, checks)) is not None],
+        )
     )
+    return tuple(parts)
 
 
 def _failed(findings: Findings, document: ResultDocument) -> Iterator[tuple[str, ...]]:
@@ -58,19 +84,21 @@ def _failed(findings: Findings, document: ResultDocument) -> Iterator[tuple[str,
             yield flag.code, flag.axis or "", flag.message, ""
 
 
-def _line(part: Part, document: ResultDocument) -> tuple[str, ...]:
+def _line(part: Part, document: ResultDocument, untried: Sequence[str]) -> tuple[str, ...] | None:
+    """Return a part's line of the checklist; None where nothing of it was done."""
     results = list(_of(document, tuple(part.results)))
     decided = [result.decision.verdict for result in results if result.limit is not None]
     known = [result for result in results if result.estimate.value is not None]
-    if not results:
-        outcome = LEFT_OUT
-    elif "fail" in decided:
+    if not known:
+        return None
+    if "fail" in decided:
         outcome = FAILED
     elif "inconclusive" in decided or len(known) < len(results):
         outcome = OPEN
     else:
         outcome = PASSED
-    done = "; ".join(step.title for step in part.steps)
+    left_out = {check.partition(", ")[0] for check in untried}
+    done = "; ".join(step.title for step in part.steps if step.number not in left_out)
     return part.name.replace("_", " "), done, f"{len(known)} of {len(results)}", outcome, ""
 
 

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 
+def all_tried(parameters: Any) -> Mapping[str, str]:
+    """Return that every step does all that it can."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Part:
     """Checks of one kind. All but `fits` get the part's own parameters, `parameters.<name>`.
@@ -36,7 +41,10 @@ class Part:
     drift: results that a weekly check watches, to what they may change, in their units;
     short: overrides by which the check takes less time;
     completes(findings, bench): values of the bench file that were measured;
-    measured_axes: as in `Procedure`, for these figures alone.
+    measured_axes: as in `Procedure`, for these figures alone;
+    may_stand: causes of its own that keep no figure from being written;
+    touches: whether its causes may falsify what other parts measure with the same instruments;
+    not_tried: by step number, why a step does nothing with these parameters, or a part of it.
     """
 
     name: str
@@ -54,3 +62,6 @@ class Part:
     short: tuple[str, ...] = ()
     completes: Later | None = None
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
+    may_stand: frozenset[str] = frozenset()
+    touches: bool = True
+    not_tried: Callable[[Any], Mapping[str, str]] = all_tried

@@ -7,10 +7,13 @@ from pathlib import Path
 
 from station.cli.running import report_outcome, request_of
 from station.cli.validating import read_bench_named
+from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_UNDETERMINED
 from station.procedure import procedure_of
 from station.runner.execute import execute
 
 PLAN = "commissioning"
+NOT_TRIED = "not-tried"
+"""The flag of what a bench could have been asked and was not."""
 
 
 def commission_bench(
@@ -43,4 +46,9 @@ def commission_bench(
         overrides=(*fitted, *overrides),
         trace=trace,
     )
-    return report_outcome(execute(request), PLAN, as_json=as_json)
+    outcome = execute(request)
+    flags = outcome.document.flags if outcome.document is not None else ()
+    untried = [flag for flag in flags if flag.code == NOT_TRIED]
+    if outcome.exit_code in (EXIT_DONE, EXIT_UNDETERMINED) and untried:
+        outcome.exit_code = EXIT_FAULT
+    return report_outcome(outcome, PLAN, as_json=as_json)

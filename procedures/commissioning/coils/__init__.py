@@ -48,4 +48,5 @@ COIL_PART = Part(
     drift=DRIFT,
     short=("parameters.coils.record=2 s",),
     completes=Later(f"{__name__}.completing:completions"),
+    may_stand=frozenset({"coil-constant-off"}),
 )

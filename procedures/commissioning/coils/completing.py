@@ -16,16 +16,14 @@ from .work import supply_of
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-MAY_STAND = ("coil-constant-off",)
-
 
 def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:
     """Yield each coil's measured constant, where the stated one lies outside its uncertainty.
 
-    Nothing where another cause is named, or where no record states the gaussmeter's gain.
+    Nothing where no record states the gaussmeter's gain. Causes are the caller's to look at.
     """
     gains = [input.standard_uncertainty for input in findings.inputs if input.name == GAIN]
-    if not gains or any(flag.code not in MAY_STAND for flag in findings.flags):
+    if not gains:
         return
     for estimate in findings.estimates:
         if (

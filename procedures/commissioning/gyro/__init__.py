@@ -22,9 +22,15 @@ def is_possible(bench: Bench) -> bool:
     return all(name in bench.instruments for name in (GYRO, POWER))
 
 
-def measured_axes(parameters: GyroParameters) -> Mapping[str, tuple[str, ...]]:
-    """Return what a plan leaves out."""
-    return parameters.measured_axes
+def not_tried(parameters: GyroParameters) -> Mapping[str, str]:
+    """Return why the pulse weight is not reported."""
+    if parameters.earth is not None:
+        return {}
+    why = "the pulse weight was not compared with the earth's rate: state what the gyro feels of it"
+    return {PULSE_WEIGHT_STEP: f"{why} in parameters.gyro.earth"}
+
+
+PULSE_WEIGHT_STEP = "G2"
 
 
 GYRO_PART = Part(
@@ -37,5 +43,5 @@ GYRO_PART = Part(
     records=records,
     findings=Later(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
-    measured_axes=measured_axes,
+    not_tried=not_tried,
 )

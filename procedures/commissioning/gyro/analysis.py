@@ -87,6 +87,7 @@ def analyse(data: GyroDataset, inputs: Sequence[InputQuantity]) -> Analysis:
     flags = list(_channel(data))
     earth = data.earth
     if earth is None:
+        estimates.append(undetermined("pulse_weight_ratio", None, "1", method))
         return Analysis(estimates, (), flags)
     if abs(rate) < LEAST_SHARE * abs(earth.rate_deg_per_h):
         message = (

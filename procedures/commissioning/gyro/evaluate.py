@@ -26,8 +26,7 @@ def findings(folder: RunFolder, parameters: GyroParameters, bench: Bench) -> Fin
     """Return the figures of the gyro; a run without its records gives none."""
     finished = folder.finished_units()
     if missing := [unit for unit in (CHANNELS_UNIT, REST_UNIT) if unit not in finished]:
-        measured = {name: kind for name, kind in RESULTS.items() if _is_measured(name, parameters)}
-        return findings_of(not_measured("gyro", measured, missing), None, [])
+        return findings_of(not_measured("gyro", RESULTS, missing), None, [])
     data = dataset_of_run(folder, parameters, bench)
     inputs = list(bench.stated_input(STATED, SCALE, "pulse weight of the gyro acquisition"))
     if data.earth is not None:
@@ -41,10 +40,6 @@ def findings(folder: RunFolder, parameters: GyroParameters, bench: Bench) -> Fin
     clock = clock_estimate("board_clock_error", data.time_s, arrival_s)
     whole = Analysis([*analysis.estimates, clock], (), [*analysis.flags, *clock_flags(clock, GYRO)])
     return findings_of(whole, data, inputs)
-
-
-def _is_measured(name: str, parameters: GyroParameters) -> bool:
-    return name not in parameters.measured_axes
 
 
 def dataset_of_run(folder: RunFolder, parameters: GyroParameters, bench: Bench) -> GyroDataset:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated
 
 from pydantic import Field
@@ -44,8 +43,3 @@ class GyroParameters(StrictModel):
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0, le=86400)] = 3600.0
     record_s: Annotated[float, Unit("s"), Field(ge=20, le=86400)] = 600.0
     earth: EarthRate | None = None
-
-    @property
-    def measured_axes(self) -> Mapping[str, tuple[str, ...]]:
-        """The results that a plan without `earth` leaves out."""
-        return {"pulse_weight_ratio": ()} if self.earth is None else {}

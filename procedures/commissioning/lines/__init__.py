@@ -26,6 +26,16 @@ def fits(bench: Bench) -> Iterator[str]:
     yield f"parameters.lines.instruments=[{', '.join(asked_on(bench))}]"
 
 
+def not_tried(parameters: LineParameters) -> Mapping[str, str]:
+    """Return why no cable is pulled."""
+    if parameters.disconnected:
+        return {}
+    return {
+        "L2": "no line was disconnected by hand: name some in parameters.lines.disconnected, such "
+        "as [gaussmeter]"
+    }
+
+
 def measured_axes(parameters: LineParameters) -> Mapping[str, tuple[str, ...]]:
     """Return the instruments that a plan asks, for each figure."""
     return dict.fromkeys(RESULTS, parameters.instruments)
@@ -42,5 +52,7 @@ LINES_PART = Part(
     is_possible=is_possible,
     fits=fits,
     measured_axes=measured_axes,
+    touches=False,
+    not_tried=not_tried,
     short=("parameters.lines.queries=20", "parameters.lines.disconnected=[]"),
 )

@@ -73,6 +73,46 @@ def test_a_wrong_constant_is_replaced_and_all_else_stays_as_written(completed: P
     ]
 
 
+def off_its_place(text: str) -> str:
+    placed = "probe_position: {x: 20 mm, y: -15 mm, z: 30 mm}"
+    assert placed in text
+    return stated_low(text).replace(placed, "probe_position: {x: 90 mm, y: -15 mm, z: 30 mm}")
+
+
+def test_no_constant_is_written_while_the_probe_is_off_its_place(tmp_path: Path) -> None:
+    short = ("parameters.coils.record=2 s", *only("coils", "probe"))
+    code, folder = commissioned(written(tmp_path, off_its_place), tmp_path / "runs", short=short)
+    assert code == 1
+    flags = json.loads((folder / "results.json").read_text(encoding="utf-8"))["flags"]
+    assert "probe-off-centre" in [flag["code"] for flag in flags]
+    said = json.loads((folder / "commissioned.json").read_text(encoding="utf-8"))
+    assert not said["changes"]
+    assert not said["figures"]
+    withheld = {each["part"]: each["causes"] for each in said["withheld"]}
+    assert "probe-off-centre" in withheld["coils"]
+    assert not (folder / "bench-commissioned.yaml").exists()
+
+
+@pytest.mark.parametrize(("earth", "expected"), [(False, 3), (True, 1)])
+def test_a_pulse_weight_that_is_off_is_never_called_good(
+    earth: bool, expected: int, tmp_path: Path
+) -> None:
+    key = "parameters.gyro.earth"
+    stated = (f"{key}.latitude=39.9 deg", f"{key}.elevation=90 deg", f"{key}.bias=0.01 deg/h")
+    short = (
+        *only("gyro"),
+        "parameters.gyro.warm_up=0 s",
+        "parameters.gyro.record=60 s",
+        "parameters.gyro.pulse_weight=0.0656 arcsec",
+        *(stated if earth else ()),
+    )
+    code, folder = commissioned(written(tmp_path), tmp_path / "runs", short=short)
+    document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    assert (code, document["verdict"]) == (expected, "fail" if earth else "inconclusive")
+    report = (folder / "report.html").read_text(encoding="utf-8")
+    assert ("the pulse weight was not compared" in report) is not earth
+
+
 def test_the_bench_file_states_which_form_of_an_instrument_was_met(completed: Path) -> None:
     noted = [
         {"instrument": event.details["instrument"], "met": event.details["met"]}

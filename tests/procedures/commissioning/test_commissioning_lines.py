@@ -28,6 +28,9 @@ def answers(*, lost: int = 0, others: int = 0, latency_s: float = 0.01) -> Answe
 def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     outcome = run_of(tmp_path / "run", whole_plan_of("lines", bench), shipped_bench(bench))
     assert named(outcome) == set()
+    assert outcome.document is not None
+    (untried,) = [one for one in outcome.document.flags if one.code == "not-tried"]
+    assert "L2, no line was disconnected by hand" in untried.message
     assert outcome.exit_code == 0
     assert outcome.document is not None
     asked = {one["axis"] for one in outcome.document.to_data()["results"]}

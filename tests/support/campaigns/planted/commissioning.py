@@ -40,11 +40,14 @@ class Plant:
     benches: tuple[str, ...] = ("sim",)
 
 
+NO_CAUSE = ("simulated", "not-tried")
+
+
 def named(outcome: Outcome) -> set[Planted]:
-    """Return code and axis of each flag, that of the simulation aside."""
+    """Return code and axis of each flag, those of the simulation and of what was left out aside."""
     assert outcome.document is not None, outcome.error
     flags = outcome.document.to_data()["flags"]
-    return {(one["code"], one["axis"]) for one in flags if one["code"] != "simulated"}
+    return {(one["code"], one["axis"]) for one in flags if one["code"] not in NO_CAUSE}
 
 
 BOTH = ("sim", "sim-alternate")
