@@ -21,9 +21,11 @@ from station.fields import StrictModel, key_of
 from station.files.faults import Fault, listed, nearest
 from station.files.validation import check_model
 from station.files.yaml.document import Document, Where
+from station.roles.base import EXCHANGE_DEADLINE_S, MAX_DEADLINE_S, TRIES
 from station.roles.role import quantities_of, role, role_of, roles_of
-from station.safety.bounds import listing, mapping
+from station.safety.bounds import listing, mapping, quantity
 from station.safety.interlocks.reading import CHAIN
+from station.safety.safe_state import DEFAULT_WITHIN_S
 
 MISSING = "is missing"
 CAN_SCHEMES = ("can://", "socketcand://")
@@ -79,13 +81,80 @@ def driver_faults(document: Document) -> Iterator[Fault]:
             continue
         drivers[name] = loaded
         yield from own
-    for place, name, quantity in _watched(document, instruments):
-        if name in drivers and quantity in quantities_of(name):
+    for place, name, watched in _watched(document, instruments):
+        if name in drivers and watched in quantities_of(name):
             try:
                 given = mapping(mapping(instruments[name]).get("settings"))
-                QuantityNotRead.refuse(name, drivers[name], quantity, given)
+                QuantityNotRead.refuse(name, drivers[name], watched, given)
             except QuantityNotRead as error:
                 yield document.fault(place, str(error))
+    for name, loaded in drivers.items():
+        yield from _deadline_faults(document, name, loaded)
+
+
+def _deadline_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:
+    """Yield what the deadline of an instrument's exchanges is too short or too long for.
+
+    Whoever watches a level, or brings to rest, tries three times.
+    """
+    entry = mapping(document.data["instruments"][name])
+    own_s = getattr(driver, "deadline_s", EXCHANGE_DEADLINE_S)
+    kinds_s = getattr(driver, "deadlines", {}).values()
+    given_s = quantity(entry, "deadline", "s")
+    where: Where = ("instruments", name, "driver" if given_s is None else "deadline")
+    if (longest_s := max(own_s, *kinds_s, 0.0)) > MAX_DEADLINE_S:
+        yield document.fault(
+            ("instruments", name, "driver"),
+            f"the driver '{entry['driver']}' gives an exchange {longest_s:g} s, at most are "
+            f"{MAX_DEADLINE_S:g} s; let it start, poll and fetch what takes longer",
+        )
+    if given_s is not None and given_s < own_s:
+        yield document.fault(
+            where,
+            f"{given_s:g} s is shorter than what the driver '{entry['driver']}' gives each "
+            f"exchange, {own_s:g} s; write more, or leave it out",
+        )
+    deadline_s = max(given_s or 0.0, own_s)
+    if deadline_s == EXCHANGE_DEADLINE_S:
+        return
+    tries_s, tried = TRIES * deadline_s, f"{TRIES} tries of {deadline_s:g} s at {name} take"
+    for interlock, grace_s in _graces(document, name):
+        if tries_s > grace_s:
+            yield document.fault(
+                where,
+                f"{tried} {tries_s:g} s, longer than the grace of the interlock '{interlock}', "
+                f"{grace_s:g} s: for so long nobody would watch; write grace: {tries_s:g} s "
+                "there, or a shorter deadline",
+            )
+    if tries_s > (within_s := _within_s(document, name)):
+        yield document.fault(
+            where,
+            f"{tried} {tries_s:g} s, longer than its time in safe_state, {within_s:g} s; write "
+            f"within: {tries_s:g} s there, or a shorter deadline",
+        )
+
+
+def _graces(document: Document, name: str) -> Iterator[tuple[str, float]]:
+    """Yield each interlock that looks at an instrument, and its grace in s."""
+    named = set()
+    for number, entry in enumerate(listing(document.data.get("interlocks"))):
+        interlock = mapping(entry)
+        looks = _looks(interlock.get("when"), ("interlocks", number, "when"))
+        watched = {instrument for _, instrument, _ in looks}
+        named |= watched
+        if name in watched:
+            yield str(interlock.get("name")), quantity(interlock, "grace", "s") or 0.0
+    if name == CHAIN and CHAIN not in named:
+        yield "interlock-chain", 0.0
+
+
+def _within_s(document: Document, name: str) -> float:
+    """Return the time in s that an instrument has to come to rest."""
+    for entry in listing(document.data.get("safe_state")):
+        step = mapping(entry)
+        if (step.get("instrument") or step.get("role")) in (name, role_of(name)):
+            return quantity(step, "within", "s") or DEFAULT_WITHIN_S
+    return DEFAULT_WITHIN_S
 
 
 def role_faults(document: Document) -> Iterator[Fault]:

@@ -414,6 +414,8 @@ INSTRUMENT = {
     "refused, but for the `scheme://…` of a driver of your own; none on a simulated bench",
     "shares": "instruments over whose lines this one is reached, in place of an address",
     "serial": "the serial number that must answer; without it any does",
+    "deadline": "run time that every exchange may take, where that is longer than the driver "
+    "states; see [Deadlines](#deadlines)",
     "settings": "the driver's own settings, see below",
     "simulator": "the truth about the simulated instrument, and a fixed `port` where wished",
     **LIMITS,

@@ -167,6 +167,8 @@ RUN_EVENTS = {
     "pose-refused": "nine-axis-calibration: the sensor did not lie as the position asks, and why",
     "line-reopened": "a line broke, `why`, and was opened again for the same question",
     "line-resynchronised": "something came that nobody had asked for; it was thrown away",
+    "answer-time": "an instrument took a larger share of the deadline of an exchange than before, "
+    "and a tenth of it at least",
     "can-time-stamps": "who stamps the frames of a CAN bus: the kernel, the adapter, or the "
     "computer when it takes them",
     "frames-dropped": "a stream was not taken in time; its oldest frames were dropped",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Annotated, ClassVar
 
@@ -49,6 +49,8 @@ class CoilGenerator(ScpiDriver):
     widths_s: ClassVar[tuple[float, float]] = (1e-6, 5e5)
     """Instruments can do shorter ones, which no coil follows."""
     longest_delay_s: ClassVar[float]
+    deadlines: ClassVar[Mapping[str, float]] = {r"\*RST": 2.0}
+    """Not documented for any of the models: taken as 2 s."""
 
     @abstractmethod
     def _messages_of(self, channel: int) -> ChannelMessages:

@@ -3,7 +3,7 @@
 The manual is DMM6500-901-01 Rev. A, as quoted with its pages in public notes on the command set; it
 was not at hand itself. PyMeasure, QCoDeS and programs of laboratories are the clients. Not
 confirmed: that ranges have an over-range, which is not used; how long a reading with auto-zero
-takes; that an answer of 1000 readings comes within 0.5 s; that `*CLS` and a query share a message.
+takes; how long an answer of 1000 readings takes; that `*CLS` and a query share a message.
 
 The meter has several command sets, and a change of the set needs a restart: where it is not SCPI,
 nothing is set. Its readings stay in `defbuffer1`, from which they are read in pieces, and as often
@@ -33,6 +33,7 @@ Commands and their sources:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar
 
@@ -63,6 +64,8 @@ class KeithleyDmm6500(Voltmeter):
         r'ABOR|TRAC:CLE "defbuffer1"|TRIG:LOAD "SimpleLoop",\d+,0,"defbuffer1"|INIT',
     )
     """A burst that is begun again consists of fresh readings: nothing is counted twice."""
+    deadlines: ClassVar[Mapping[str, float]] = {r"TRAC:DATA\?": 2.0}
+    """Not documented for 1000 readings: taken as 2 s."""
     function = Function("VOLT:DC", "V", RANGES_V, RANGES_V)
     integration_cycles: ClassVar[tuple[float, ...]] = INTEGRATION_CYCLES
     highest_V: ClassVar[float] = RANGES_V[-1]

@@ -31,11 +31,10 @@ from typing import ClassVar
 
 from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
 from drivers.transport.line import TooLate, odd
-from drivers.transport.retry import TRIES
 from drivers.transport.visa_line import ERROR_QUERY
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
-from station.roles import Identity, Place, SafetyReading, published, quantity
+from station.roles import TRIES, Identity, Place, SafetyReading, published, quantity
 
 LEAVE_LIST = "CURR:MODE FIX"
 OPERATION = "STAT:OPER:COND?"

@@ -12,8 +12,8 @@ cannot be changed while voltage limits are on, for pulse widths, for triggered b
 sources, and for levels that are clipped with an error; public client code for the headers,
 `+0,"No error"`, and 9.9E+37 for an open end; guides of older models of the family for the limit of
 |offset| + Vpp/2. Not confirmed in a primary source: port 5025, that a burst of pulses waits at the
-low level, that an inverted one waits at the high level, that `*RST` is done within 0.5 s, and the
-105 ns from trigger to output. Units answer as Agilent or Keysight Technologies (guide, p.172).
+low level, that an inverted one waits at the high level, how long `*RST` takes, and the 105 ns from
+trigger to output. Units answer as Agilent or Keysight Technologies (guide, p.172).
 
 Commands and their sources:
     *IDN?, *CLS, *RST, SYST:ERR? - who answers, a known state, the error queue of 20, judged by its

@@ -4,7 +4,7 @@ Sources: Truevolt guide for the operation register (bits 4 and 5), for INITiate,
 readings, for `DATA:POINts?` and `DATA:LAST?`, which may be asked while it measures, and for the
 auto-zero; public client code for the integration times, `+0,"No error"`, and ±9.9E+37 for an
 overload. Not confirmed in a primary source: port 5025, that the 1000 V range has no over-range, and
-that `*RST` is done within 0.5 s.
+how long `*RST` takes.
 READ? is not used: its answer comes only when the burst is over, which may be minutes later.
 Function, range and resolution are put back as they were met; `*RST` loses what else was set.
 
@@ -22,6 +22,7 @@ Commands and their sources:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -49,6 +50,8 @@ class TruevoltMeter(BurstMeter):
     )
     """A burst that is begun again consists of fresh readings: nothing is counted twice."""
     integration_cycles: ClassVar[tuple[float, ...]] = INTEGRATION_CYCLES
+    deadlines: ClassVar[Mapping[str, float]] = {r"\*RST": 2.0}
+    """Not documented: taken as 2 s."""
 
     def __init__(self, place: Place) -> None:
         super().__init__(place)

@@ -54,7 +54,6 @@ from drivers.transport.serial_stream import Counting, Numbering, SerialStream, S
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.roles import Identity, Place, SensorStatus
 
-ANSWER_WITHIN_S = 0.5
 LOOK_S = 0.005
 RATES_HZ = (1, 5, 10, 25, 50, 100, 250, 500, 750, 1000)
 """Of 3600 and 5000 frames a second 921600 Bd carries too few."""
@@ -211,7 +210,9 @@ class Kvh1775(NineAxisSource):
         until_s = self._deadline_s() + interval_s
         while not (frames := self._stream.take(OUTPUT, OTHER_OUTPUT)):
             if self.place.clock.now() >= until_s:
-                raise self._silent("=CONFIG,0", "output", ANSWER_WITHIN_S + interval_s)
+                raise self._silent(
+                    "=CONFIG,0", "output", self.place.exchanges.deadline_s + interval_s
+                )
             self.place.clock.sleep(LOOK_S)
         self._came += [frame for frame in frames if frame.kind == OUTPUT]
 
@@ -277,7 +278,7 @@ class Kvh1775(NineAxisSource):
 
     def _deadline_s(self) -> float:
         clock = self.place.clock
-        return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
+        return clock.now() + clock.patience_s(self.place.exchanges.deadline_s)
 
     def _unfit(self, attempted: str, answer: str) -> InstrumentError:
         return self.error(
@@ -286,9 +287,8 @@ class Kvh1775(NineAxisSource):
             "check that the unit is a 1775 and this driver fits its firmware",
         )
 
-    def _silent(
-        self, text: str, answer: str, within_s: float = ANSWER_WITHIN_S
-    ) -> InstrumentTimeout:
+    def _silent(self, text: str, answer: str, within_s: float | None = None) -> InstrumentTimeout:
+        within_s = self.place.exchanges.deadline_s if within_s is None else within_s
         return InstrumentTimeout(
             self.place.name,
             f"sent {text}",

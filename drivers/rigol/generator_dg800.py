@@ -8,7 +8,7 @@ the output are reset before a run, and both outputs are off at its end.
 The guide is the DG800 Programming Guide, of which some pages were at hand. Not confirmed: that
 several commands and queries share a message, that `FUNC?` answers `DC` and `PULS`, the least
 amplitude, that an inverted pulse waits at its high level, that voltage limits are taken while the
-output is off, and which commands they refuse.
+output is off, which commands they refuse, and how long `*RST` takes.
 
 Commands and their sources:
     *IDN? - who answers - an answer of a DG822 and of a DG952 in public client code - confirmed

@@ -9,20 +9,22 @@ it is a fault. A harmless question whose line broke is asked again over a new co
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from types import MappingProxyType
 from typing import TypeVar
 
 from drivers.transport.line import AnswerInDoubt, ExchangeLine, LineBroken, TooLate, shortened
-from drivers.transport.retry import NEVER, TRIES, Proof, Repeatable, repeated
+from drivers.transport.retry import NEVER, Proof, Repeatable, repeated
 from drivers.transport.serial_port import Port
 from station.errors import InstrumentError, reason_of
-from station.roles import Place
+from station.roles import EXCHANGE_DEADLINE_S, TRIES, Place
+from station.roles.base import ANSWER_TIME
 
 Answer = TypeVar("Answer")
 
-EXCHANGE_DEADLINE_S = 0.5
 QUIET_S = 0.1
 """A line on which nothing has come for this run time has nothing more on its way."""
 
@@ -34,16 +36,24 @@ LARGEST_NOTE_BYTES = 4096
 class ExchangePort(ExchangeLine, ABC):
     """What a line of exchanges does whatever its messages look like.
 
-    `wire` is the address of its counting, `repeatable` the messages that do no harm twice. After an
-    exchange that failed the port is opened anew, so that no late answer is taken for the next.
+    `wire` is the address of its counting, `repeatable` the messages that do no harm twice,
+    `deadlines` the s that a message with a pattern may take. After an exchange that failed the port
+    is opened anew, so that no late answer is taken for the next.
     """
 
     largest_bytes = LARGEST_ANSWER_BYTES
     pause_s = 0.0
     """Run time that an instrument needs after a message or an answer before the next message."""
 
-    def __init__(self, place: Place, wire: str, repeatable: Repeatable = NEVER) -> None:
+    def __init__(
+        self,
+        place: Place,
+        wire: str,
+        repeatable: Repeatable = NEVER,
+        deadlines: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         super().__init__(place)
+        self._deadlines = deadlines
         self._lock = place.clock.lock(f"{place.name} line")
         self._wire = place.clock.wire(wire)
         self._repeatable = repeatable
@@ -118,7 +128,7 @@ class ExchangePort(ExchangeLine, ABC):
                     port = self._ready(message)
                     if now and self.delays != delays:
                         raise self._too_late(message)
-                    answer = once(port)
+                    answer = self._timed(message, once, port)
                     self._nothing_behind(port, message)
                     self._last = message, answer
                     return answer
@@ -135,6 +145,26 @@ class ExchangePort(ExchangeLine, ABC):
                 except BaseException:  # whoever comes next must not read this answer as its own
                     self._forget_connection()
                     raise
+
+    def deadline_of_s(self, message: str) -> float:
+        """Return how long the answer to a message may take from now on, s of run time."""
+        stated_s = [
+            deadline_s
+            for pattern, deadline_s in self._deadlines.items()
+            if re.search(pattern, message, re.IGNORECASE)
+        ]
+        longest_s = max(stated_s, default=EXCHANGE_DEADLINE_S)
+        return self._place.exchanges.deadline_of_s(longest_s, self._clock.now())
+
+    def _timed(self, message: str, once: Callable[[Port], Answer], port: Port) -> Answer:
+        """Return the answer of one exchange, and note where it took much of its deadline."""
+        deadline_s, began_s = self.deadline_of_s(message), self._clock.now()
+        answer = once(port)
+        took_s = self._clock.now() - began_s
+        if self._place.exchanges.is_noteworthy(took_s, deadline_s):
+            times = {"took_s": round(took_s, 3), "deadline_s": deadline_s}
+            self._place.note(ANSWER_TIME, message=shortened(message), **times)
+        return answer
 
     def _ready(self, message: str) -> Port:
         """Return the port, opened again after a fault, with nothing on it before a message."""

@@ -79,7 +79,8 @@ class ExchangeLine(TracedLine):
 
     def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
         came_back = f"{what} within {deadline_s:g} s"
-        return self._fault(attempted, came_back, self.when_silent, InstrumentTimeout)
+        do_now = f"{self.when_silent}; one that takes longer needs a `deadline` in the bench file"
+        return self._fault(attempted, came_back, do_now, InstrumentTimeout)
 
     def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
         return self._fault(attempted, came_back, self.when_wrong)

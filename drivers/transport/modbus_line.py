@@ -20,7 +20,7 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from drivers.transport.exchange_port import ExchangePort
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import (
     Port,
@@ -117,7 +117,7 @@ class ModbusLine(ExchangePort):
         """Return `count` registers from `address` on.
 
         Raises ModbusRefusal for an exception, InstrumentTimeout when no whole answer comes within
-        half a second of run time.
+        its deadline.
         """
         request = ReadHoldingRegistersRequest(address=address, count=count)
         reply = self._ask(request, f"read {address}", f"read register {address}")
@@ -168,19 +168,19 @@ class ModbusLine(ExchangePort):
         return identity == self._known
 
     def _ask(self, request: ModbusPDU, message: str, attempted: str) -> ModbusPDU:
-        reply = self._exchange(message, lambda port: self._once(port, request, attempted))
+        reply = self._exchange(message, lambda port: self._once(port, request, message, attempted))
         if isinstance(reply, ExceptionResponse):
             refusal = ModbusRefusal(self._place, attempted, reply.exception_code)
             self._traced("!", str(refusal).encode())
             raise refusal
         return reply
 
-    def _once(self, port: Port, request: ModbusPDU, attempted: str) -> ModbusPDU:
+    def _once(self, port: Port, request: ModbusPDU, message: str, attempted: str) -> ModbusPDU:
         self._keep_silence()
         self._transaction = self._transaction % LAST_TRANSACTION + 1
         request.dev_id, request.transaction_id = self._unit, self._transaction
         self._send(port, attempted, self._framer.buildFrame(request))
-        reply = self._reply(port, attempted)
+        reply = self._reply(port, attempted, self.deadline_of_s(message))
         self._silent_from_s = self._clock.now()
         if isinstance(reply, ExceptionResponse) or reply.function_code == request.function_code:
             return reply
@@ -193,7 +193,7 @@ class ModbusLine(ExchangePort):
             if left_s > 0:
                 self._clock.sleep(left_s)
 
-    def _reply(self, port: Port, attempted: str) -> ModbusPDU:
+    def _reply(self, port: Port, attempted: str, deadline_s: float) -> ModbusPDU:
         """Return the one answer, which is whole, has its check sum, and is to the last request."""
         used, reply = 0, None
 
@@ -202,7 +202,7 @@ class ModbusLine(ExchangePort):
             used, reply = self._decoded(answer, attempted)
             return reply is not None or used > 0
 
-        answer = self._receive(port, attempted, EXCHANGE_DEADLINE_S, is_whole)
+        answer = self._receive(port, attempted, deadline_s, is_whole)
         if reply is not None:
             if self._framer.buildFrame(reply) != answer:
                 # On a serial line the frame that came first may be to another question.
@@ -213,7 +213,7 @@ class ModbusLine(ExchangePort):
             what = "is to another request" if self._tcp else "has a wrong check sum"
             raise self._wrong(attempted, f"the answer {what} ({shown(answer)})")
         what = f"only {shown(answer)} came, which is no whole answer,"
-        raise self._silent(attempted, what, EXCHANGE_DEADLINE_S)
+        raise self._silent(attempted, what, deadline_s)
 
     def _port_opened(self) -> Port:
         if not self._tcp:

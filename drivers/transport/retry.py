@@ -15,11 +15,9 @@ from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
 from station.errors import InstrumentError
-from station.roles import Place
+from station.roles import TRIES, Place
 
 Answer = TypeVar("Answer")
-
-TRIES = 3
 
 
 class Repeatable:

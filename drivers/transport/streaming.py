@@ -10,8 +10,6 @@ from typing import Any, ClassVar, Protocol
 from station.errors import InstrumentError, InstrumentTimeout
 from station.roles import Driver, Identity, Place
 
-ANSWER_WITHIN_S = 0.5
-
 
 class AnswerLine(Protocol):
     """The answers of an instrument by kind; `acknowledgement` has `request_id` and `result`."""
@@ -100,13 +98,13 @@ class Commands:
 
     def _deadline_s(self) -> float:
         clock = self._place.clock
-        return clock.now() + clock.patience_s(ANSWER_WITHIN_S)
+        return clock.now() + clock.patience_s(self._place.exchanges.deadline_s)
 
     def _silent(self, answer: str, attempted: str) -> InstrumentTimeout:
         return InstrumentTimeout(
             self._place.name,
             attempted,
-            f"no {answer} came within {ANSWER_WITHIN_S:g} s",
+            f"no {answer} came within {self._place.exchanges.deadline_s:g} s",
             self._when_silent,
         )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from drivers.transport.exchange_port import EXCHANGE_DEADLINE_S, ExchangePort
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from drivers.transport.exchange_port import ExchangePort
 from drivers.transport.line import shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_address
@@ -29,24 +32,21 @@ class TextLine(ExchangePort):
         answer_end: str,
         repeatable: Repeatable = NEVER,
         identity: str = "*IDN?",
+        deadlines: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._request_end = request_end.encode(ENCODING)
         self._answer_end = answer_end.encode(ENCODING)
         self._identity_question = identity
         self._identity: str | None = None
-        super().__init__(place, wire, repeatable)
+        super().__init__(place, wire, repeatable, deadlines)
 
-    def query(
-        self, message: str, deadline_s: float = EXCHANGE_DEADLINE_S, *, now: bool = False
-    ) -> str:
+    def query(self, message: str, *, now: bool = False) -> str:
         """Send `message` and return the answer without its end.
 
-        Raises InstrumentTimeout when no complete answer comes within `deadline_s` of run time, and
+        Raises InstrumentTimeout when no complete answer comes within the deadline of its kind, and
         TooLate, with nothing sent, where one that is due `now` meets a line out of step.
         """
-        answer = self._exchange(
-            message, lambda port: self._once(port, message, deadline_s), now=now
-        )
+        answer = self._exchange(message, lambda port: self._once(port, message), now=now)
         if message == self._identity_question and any(map(str.isalpha, answer)):
             self._identity = answer
         return answer
@@ -81,9 +81,9 @@ class TextLine(ExchangePort):
         question = self._identity_question
         return self._exchange(question, lambda port: self._once(port, question))
 
-    def _once(self, port: Port, message: str, deadline_s: float = EXCHANGE_DEADLINE_S) -> str:
+    def _once(self, port: Port, message: str) -> str:
         self._write(port, message)
-        return self._read(port, message, deadline_s)
+        return self._read(port, message, self.deadline_of_s(message))
 
     def _prove(self, port: Port) -> None:
         if self._identity is None:
@@ -170,6 +170,7 @@ class SerialLine(TextLine):
         repeatable: Repeatable = NEVER,
         identity: str = "*IDN?",
         pause_s: float = 0.0,
+        deadlines: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._framing = framing
         self._ignores_empty = ignores_empty
@@ -181,6 +182,7 @@ class SerialLine(TextLine):
             answer_end=answer_end,
             repeatable=repeatable,
             identity=identity,
+            deadlines=deadlines,
         )
 
     def _port_opened(self) -> Port:

@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 import re
 import socket
+from collections.abc import Mapping
 from contextlib import suppress
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import pyvisa
@@ -157,6 +159,7 @@ class VisaLine(TextLine):
         answer_end: str = "\n",
         repeatable: Repeatable = NEVER,
         identity: str = "*IDN?",
+        deadlines: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._before_end = answer_end[:-1]
         super().__init__(
@@ -166,6 +169,7 @@ class VisaLine(TextLine):
             answer_end=answer_end[-1:],
             repeatable=repeatable,
             identity=identity,
+            deadlines=deadlines,
         )
 
     def _port_opened(self) -> Port:
@@ -193,8 +197,9 @@ class ScpiLine(VisaLine):
         no_error: str = NO_ERROR,
         answer_end: str = "\n",
         repeatable: Repeatable = NEVER,
+        deadlines: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        super().__init__(place, answer_end=answer_end, repeatable=repeatable)
+        super().__init__(place, answer_end=answer_end, repeatable=repeatable, deadlines=deadlines)
         self._error_query = error_query
         self._no_error = re.compile(no_error)
         self.patient = PatientLine(self)
@@ -250,6 +255,7 @@ class ScpiDriver(Driver):
             no_error=self.no_error,
             answer_end=self.answer_end,
             repeatable=self.repeatable,
+            deadlines=self.deadlines,
         )
 
     def identify(self) -> Identity:

@@ -21,6 +21,7 @@ from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
 from station.instruments.commissioned import Commissioned
 from station.instruments.laboratory import Laboratory
+from station.roles.base import MAX_DEADLINE_S
 from station.roles.role import instances, limits, role, role_of
 from station.safety.bounds import bound_faults
 from station.safety.interlocks.reading import (
@@ -56,12 +57,14 @@ class Instrument(StrictModel):
     """One instrument of a bench; its driver reads `settings`, its simulator `simulator`.
 
     `shares` names instruments over whose lines this one is reached: it has none of its own.
+    `deadline` is what each exchange may take, where that is longer than the driver states.
     """
 
     driver: Words
     address: Words | None = None
     shares: tuple[Words, ...] = ()
     serial: Words | None = None
+    deadline_s: Annotated[Second, Field(gt=0, le=MAX_DEADLINE_S)] | None = None
     settings: dict[str, Any] = Field(default_factory=dict)
     given_limits: InstrumentLimits = Field(default=InstrumentLimits(), alias="limits")
     calibration: Calibration | None = None

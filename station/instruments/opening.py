@@ -11,7 +11,7 @@ from station import registry
 from station.clock import Clock, RealClock
 from station.errors import InputError, InstrumentError, InstrumentInUse, InstrumentsMissing
 from station.instruments.instrument_locks import Identity, InstrumentLocks
-from station.roles.base import Driver
+from station.roles.base import EXCHANGE_DEADLINE_S, Driver, Exchanges
 from station.safety.readings import Publisher, Readings, Value
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ class Place:
     """The instruments over whose lines this one is reached, opened, by name."""
 
     noter: Callable[[str, Mapping[str, Any]], None] | None = None
+    exchanges: Exchanges = field(default_factory=Exchanges)
 
     def note(self, kind: str, **details: Any) -> None:
         """Have an event written to the run's log; nothing happens where there is no run."""
@@ -147,7 +148,10 @@ def open_one(
     try:
         if locks is not None and address:
             take_lock(locks, name, address)
-        instrument: Opened = registry.load(registry.DRIVERS, entry.driver)(place)
+        driver = registry.load(registry.DRIVERS, entry.driver)
+        stated_s = getattr(driver, "deadline_s", EXCHANGE_DEADLINE_S)
+        place.exchanges.deadline_s = max(stated_s, entry.deadline_s or 0.0)
+        instrument: Opened = driver(place)
     except InstrumentError as error:
         return Probe(name, False, str(error), in_use_by=getattr(error, "who", None))
     try:

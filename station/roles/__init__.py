@@ -4,6 +4,9 @@ Each file declares all of one role; `ROLES` has the station's own.
 """
 
 from station.roles.base import (
+    EXCHANGE_DEADLINE_S,
+    MAX_DEADLINE_S,
+    TRIES,
     Block,
     Driver,
     DriverSettings,
@@ -60,7 +63,10 @@ ROLES = (
 """In the order in which a bench file, its schema and the reference list them."""
 
 __all__ = [
+    "EXCHANGE_DEADLINE_S",
+    "MAX_DEADLINE_S",
     "ROLES",
+    "TRIES",
     "Block",
     "CellCoilSettings",
     "CoilSettings",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar, cast, runtime_checkable
@@ -21,6 +23,54 @@ if TYPE_CHECKING:
 
 Tracer = Callable[[str, bytes], None]
 """Takes a direction (`>` sent, `<` received, `!` fault, `-` remark) and the bytes or the words."""
+
+
+EXCHANGE_DEADLINE_S = 0.5
+"""Run time in which an instrument answers, unless its driver or the bench file gives it longer."""
+MAX_DEADLINE_S = 5.0
+"""Half of what the watch for standstill allows; what takes longer is started, polled, fetched."""
+TRIES = 3
+"""How often a message that does no harm twice is sent before its error is believed."""
+ANSWER_TIME = "answer-time"
+"""The event of an answer that took a larger share of its deadline than any before it."""
+NOTED_SHARE, NOTED_GROWTH = 0.1, 1.1
+"""An answer time is noted beyond this share of its deadline, and again where it grows so much."""
+
+
+class Exchanges:
+    """How long each exchange with one instrument may wait for its answer, and how long one did."""
+
+    def __init__(self, deadline_s: float = EXCHANGE_DEADLINE_S) -> None:
+        self.deadline_s = deadline_s
+        """Of every exchange; one whose kind the driver gives longer has that."""
+        self._until_s = math.inf
+        self._largest_share = 0.0
+
+    def deadline_of_s(self, stated_s: float, now_s: float) -> float:
+        """Return the deadline of an exchange that begins at run time `now_s`, in s from then.
+
+        `stated_s` is what the driver states of its kind. On the way to rest none goes beyond the
+        time that the instrument has for it, but for the usual deadline.
+        """
+        deadline_s = max(stated_s, self.deadline_s)
+        return max(EXCHANGE_DEADLINE_S, min(deadline_s, self._until_s - now_s))
+
+    @contextmanager
+    def until(self, time_s: float) -> Iterator[None]:
+        """Let no exchange wait beyond run time `time_s` until exit."""
+        before, self._until_s = self._until_s, min(self._until_s, time_s)
+        try:
+            yield
+        finally:
+            self._until_s = before
+
+    def is_noteworthy(self, took_s: float, deadline_s: float) -> bool:
+        """Whether an answer took a larger share of its deadline than any before, and much of it."""
+        share = took_s / deadline_s
+        if share < max(NOTED_SHARE, NOTED_GROWTH * self._largest_share):
+            return False
+        self._largest_share = share
+        return True
 
 
 class Place(Protocol):
@@ -49,6 +99,11 @@ class Place(Protocol):
     @property
     def limits(self) -> Mapping[str, float]:
         """The bench's limits in A, V, A/s, mT, deg/s, degC."""
+        ...
+
+    @property
+    def exchanges(self) -> Exchanges:
+        """How long each exchange may wait for its answer."""
         ...
 
     def publish(self, quantity: str, value: float | str, unit: str = "") -> None:
@@ -194,11 +249,17 @@ class Driver:
     `Settings` is the model of its settings. `quantities` has, by name, what reads a quantity for an
     interlock; methods declared with `quantity` are entered by themselves. `wired_by` names the
     setting without which a quantity is not wired. A driver's line is its `_line`.
+
+    `deadline_s` is the run time in which its model answers any exchange; `deadlines` has that of
+    what takes longer, by a regular expression that is searched for in the message. None is above
+    5 s. Each states its reason.
     """
 
     Settings: ClassVar[type[DriverSettings]] = DriverSettings
     quantities: ClassVar[Mapping[str, Callable[[Any], float | str | None]]] = {}
     wired_by: ClassVar[Mapping[str, str]] = {}
+    deadline_s: ClassVar[float] = EXCHANGE_DEADLINE_S
+    deadlines: ClassVar[Mapping[str, float]] = {}
     on_can: ClassVar[bool | None] = None
     """Whether it is reached over CAN; None where its address says that."""
     without_limits: ClassVar[str] = "nothing is switched on"
@@ -213,6 +274,8 @@ class Driver:
             if getattr(read, "watched", False)
         }
         cls.quantities = {**cls.quantities, **declared}
+        if "make_safe" in vars(cls):
+            cls.make_safe = _bounded(cls.make_safe)  # type: ignore[attr-defined]
 
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
@@ -254,6 +317,17 @@ class Driver:
         """
         QuantityNotRead.refuse(self.place.name, self, quantity, self.place.settings)
         return self.quantities[quantity](self)
+
+
+def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
+    """Return a driver's way to rest, none of whose exchanges waits beyond its time."""
+
+    @wraps(make_safe)
+    def bounded(driver: Driver, deadline_s: float) -> None:
+        with driver.place.exchanges.until(deadline_s):
+            make_safe(driver, deadline_s)
+
+    return bounded
 
 
 def _in_words(method: str, states: States, driver: Driver) -> float | str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from station.findings import Analysis, Estimate, Flag, undetermined
 
 from .limits import LOST as MAY_BE_LOST
-from .limits import SLOWEST_MS
-from .parameters import JITTER, KEPT, LATENCY, LOST, SLOWEST
+from .limits import NEAR, SLOWEST_MS
+from .parameters import JITTER, KEPT, LATENCY, LONGEST, LOST, SLOWEST
 
 Array = NDArray[np.float64]
 MEDIAN, P99 = 0.5, 0.99
@@ -36,13 +37,37 @@ class Kept:
     since: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class AnswerTime:
+    """How long an answer took, its deadline, and the most that a bench may give it, s."""
+
+    message: str
+    took_s: float
+    deadline_s: float
+    most_s: float
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the answer came near its deadline."""
+        return self.took_s > NEAR * self.deadline_s
+
+    @property
+    def longer_s(self) -> float:
+        """The deadline to write instead, tenths of a second, twice what the answer took."""
+        return min(math.ceil(10.0 * self.took_s / NEAR) / 10.0, self.most_s)
+
+
 def analyse(
-    asked: Mapping[str, Answers], returned: Mapping[str, Answers], kept: Mapping[str, Kept]
+    asked: Mapping[str, Answers],
+    returned: Mapping[str, Answers],
+    kept: Mapping[str, Kept],
+    longest: Mapping[str, AnswerTime] = MappingProxyType({}),
 ) -> Analysis:
     """Return latency, lost answers and kept errors by instrument, and causes.
 
     `asked`: answers by instrument; `returned`: those after its cable was pulled and plugged in;
-    `kept`: errors of those that have a queue of them.
+    `kept`: errors of those that have a queue of them; `longest`: the answer of any part of the run
+    that took the largest share of its deadline, where that was a tenth or more.
     """
     estimates: list[Estimate] = []
     flags: list[Flag] = []
@@ -51,10 +76,11 @@ def analyse(
         estimates += [
             quantile(LATENCY, name, came_s, MEDIAN),
             quantile(SLOWEST, name, came_s, P99),
+            longest_answer(name, came_s, longest.get(name)),
             jitter(name, came_s),
             Estimate(LOST, name, float((~answers.same).sum()), "1", 0.0, None, "answers counted"),
         ]
-        flags += _causes(name, answers, estimates[-3].value)
+        flags += _causes(name, answers, estimates[-4].value, longest.get(name))
     for name, errors in kept.items():
         count = float(len(errors.before) + len(errors.since))
         estimates.append(Estimate(KEPT, name, count, "1", 0.0, None, "errors counted"))
@@ -81,6 +107,14 @@ def quantile(name: str, axis: str, latency_s: Array, share: float) -> Estimate:
     return Estimate(name, axis, float(value), "ms", float(high - low) / 2.0, None, method)
 
 
+def longest_answer(axis: str, latency_s: Array, longest: AnswerTime | None) -> Estimate:
+    """Return the largest answer time in ms, of an identity or of what took longer."""
+    took_s = [*latency_s, *([longest.took_s] if longest else [])]
+    if not took_s:
+        return undetermined(LONGEST, axis, "ms", "no answer came")
+    return Estimate(LONGEST, axis, 1e3 * float(max(took_s)), "ms", 0.0, None, "largest of the run")
+
+
 def jitter(axis: str, latency_s: Array) -> Estimate:
     """Return the standard deviation of latencies in ms, with that of normal ones as its own."""
     freedom = len(latency_s) - 1
@@ -91,7 +125,9 @@ def jitter(axis: str, latency_s: Array) -> Estimate:
     return Estimate(JITTER, axis, value, "ms", u, float(freedom), method)
 
 
-def _causes(name: str, answers: Answers, slowest_ms: float | None) -> Iterator[Flag]:
+def _causes(
+    name: str, answers: Answers, slowest_ms: float | None, longest: AnswerTime | None
+) -> Iterator[Flag]:
     lost, others = int((~answers.answered).sum()), int((answers.answered & ~answers.same).sum())
     if lost > MAY_BE_LOST:
         message = (
@@ -105,7 +141,15 @@ def _causes(name: str, answers: Answers, slowest_ms: float | None) -> Iterator[F
             "two units share its address, or the line is out of step."
         )
         yield Flag("line-identity-changes", message, name)
-    if slowest_ms is not None and slowest_ms > SLOWEST_MS:
+    if longest is not None and longest.is_near:
+        message = (
+            f"{name} answers {longest.message} after {longest.took_s:.2f} s, near its deadline of "
+            f"{longest.deadline_s:g} s: an answer that comes later ends a run. Look at the "
+            "adapter's latency and at what else loads the line; where the instrument itself takes "
+            f"so long, write `deadline: {longest.longer_s:g} s` at it in the bench file."
+        )
+        yield Flag("line-slow", message, name)
+    elif slowest_ms is not None and slowest_ms > SLOWEST_MS:
         message = (
             f"The line of {name} takes {slowest_ms:.0f} ms for its slowest answers (99th "
             f"percentile), more than {SLOWEST_MS:.0f} ms: an interlock would look too late. Look "

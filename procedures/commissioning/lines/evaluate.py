@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, findings_of
 from station.procedure import ResultKind
+from station.roles.base import ANSWER_TIME, MAX_DEADLINE_S
 
-from .analysis import Answers, Kept, analyse
+from .analysis import Answers, AnswerTime, Kept, analyse
 from .parameters import RESULTS, LineParameters, line_unit, return_unit
 from .steps import BEFORE, SINCE, SOURCE
 
@@ -37,7 +38,20 @@ def findings(folder: RunFolder, parameters: LineParameters, bench: Bench) -> Fin
         for name in parameters.instruments
         if BEFORE in (details := units[line_unit(name)])
     }
-    return findings_of(analyse(by_name, returned, kept), by_name, [])
+    return findings_of(analyse(by_name, returned, kept, longest(folder)), by_name, [])
+
+
+def longest(folder: RunFolder) -> dict[str, AnswerTime]:
+    """Return by instrument the last answer time that was noted: of the largest share."""
+    return {
+        str(event.details["instrument"]): AnswerTime(
+            str(event.details["message"]),
+            float(event.details["took_s"]),
+            float(event.details["deadline_s"]),
+            MAX_DEADLINE_S,
+        )
+        for event in folder.events_of(ANSWER_TIME)
+    }
 
 
 def answers(folder: RunFolder, unit: str) -> Answers:

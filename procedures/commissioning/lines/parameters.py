@@ -25,9 +25,11 @@ LineName = Literal[
 LINES: tuple[LineName, ...] = LineName.__args__  # type: ignore[attr-defined]
 LATENCY, SLOWEST, LOST = "line_latency", "line_latency_p99", "line_errors"
 JITTER, KEPT = "line_jitter", "kept_errors"
+LONGEST = "longest_answer"
 RESULTS = {
     LATENCY: ResultKind(LINES, "ms"),
     SLOWEST: ResultKind(LINES, "ms"),
+    LONGEST: ResultKind(LINES, "ms"),
     JITTER: ResultKind(LINES, "ms"),
     LOST: ResultKind(LINES, "1"),
     KEPT: ResultKind(LINES, "1"),

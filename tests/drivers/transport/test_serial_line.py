@@ -166,7 +166,7 @@ def test_what_nobody_asked_for_is_forgotten_and_told_to_the_trace() -> None:
 def test_a_late_answer_is_not_taken_for_the_next() -> None:
     with terminal({b"A?": [], b"B?": [b"2\r\n"]}) as (line, there, _):
         with pytest.raises(InstrumentTimeout):
-            line.query("A?", deadline_s=0.05)
+            line.query("A?")
         late = threading.Timer(0.05, there.say, [b"1\r\n"])
         late.start()
         assert line.query("B?") == "2"

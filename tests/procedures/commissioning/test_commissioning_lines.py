@@ -129,3 +129,20 @@ def test_an_error_from_before_the_run_is_named_and_taken_away(
     assert outcome.exit_code == 1
     kept = RunFolder(outcome.folder).finished_units()["line of multimeter"]
     assert "-113" in kept["errors_before"][0] and kept["errors_since"] == []
+
+
+def test_an_answer_near_its_deadline_names_the_deadline_to_write(tmp_path: Path) -> None:
+    plan, bench = whole_plan_of("lines"), shipped_bench()
+    faulty(bench, "multimeter", fault="late", delay="0.42 s", nth=9)
+    outcome = run_of(tmp_path / "run", plan, bench)
+    assert outcome.document is not None
+    (flag,) = (flag for flag in outcome.document.flags if flag.code == "line-slow")
+    assert flag.axis == "multimeter"
+    assert "near its deadline of 0.5 s" in flag.message
+    assert "write `deadline: 0.9 s` at it in the bench file" in flag.message
+    longest = {
+        result["axis"]: result["value"]
+        for result in outcome.document.to_data()["results"]
+        if result["name"] == "longest_answer"
+    }
+    assert longest["multimeter"] == pytest.approx(420.0, abs=5.0)

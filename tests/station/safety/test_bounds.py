@@ -169,3 +169,45 @@ def test_two_instruments_at_one_address_are_refused(address: str, tmp_path: Path
     with pytest.raises(FaultList, match=r"is the address of coil_supply\.x, too") as faults:
         read_bench(path, registry.names(registry.DRIVERS))
     assert faults.value.faults[0].line == 11
+
+
+DEADLINES = {
+    ("1.5 s", "grace: 0.4 s", "within: 30 s"): (
+        "instruments.coil_supply.x.deadline: 3 tries of 1.5 s at coil_supply.x take 4.5 s, longer "
+        "than the grace of the interlock 'coil', 0.4 s: for so long nobody would watch; write "
+        "grace: 4.5 s there, or a shorter deadline"
+    ),
+    ("5 s", "grace: 15 s", "within: 8 s"): (
+        "instruments.coil_supply.x.deadline: 3 tries of 5 s at coil_supply.x take 15 s, longer "
+        "than its time in safe_state, 8 s; write within: 15 s there, or a shorter deadline"
+    ),
+    ("0.2 s", "grace: 0.4 s", "within: 30 s"): (
+        "instruments.coil_supply.x.deadline: 0.2 s is shorter than what the driver "
+        "'kepco-bop-36-12' gives each exchange, 0.5 s; write more, or leave it out"
+    ),
+    ("6 s", "grace: 30 s", "within: 30 s"): "instruments.coil_supply.x.deadline: must be at most 5",
+}
+
+
+def with_deadline(deadline: str, grace: str, within: str) -> str:
+    driver = "driver: kepco-bop-36-12"
+    slow = GOOD.replace(driver, f"{driver}\n    deadline: {deadline}")
+    return slow.replace("grace: 0.4 s", grace).replace("within: 30 s", within)
+
+
+@pytest.mark.parametrize(("written", "says"), DEADLINES.items())
+def test_a_deadline_is_held_against_grace_and_safe_state(
+    tmp_path: Path, written: tuple[str, str, str], says: str
+) -> None:
+    path = tmp_path / "bench.yaml"
+    path.write_text(with_deadline(*written), encoding="utf-8")
+    with pytest.raises(FaultList) as refused:
+        read_bench(path, registry.names(registry.DRIVERS))
+    assert says in str(refused.value)
+
+
+def test_a_deadline_that_grace_and_safe_state_leave_room_for_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "bench.yaml"
+    path.write_text(with_deadline("1.5 s", "grace: 4.5 s", "within: 30 s"), encoding="utf-8")
+    bench = read_bench(path, registry.names(registry.DRIVERS))
+    assert bench.instruments["coil_supply.x"].deadline_s == 1.5
