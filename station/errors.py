@@ -71,6 +71,10 @@ class InstrumentTimeout(InstrumentError):
     """An instrument that stayed silent until its deadline."""
 
 
+class AnotherInstrument(InstrumentError):
+    """An instrument that clearly is another model than the driver's."""
+
+
 class InstrumentInUse(InstrumentError):
     """An instrument that another process has; `who` is what that says of itself, if anything."""
 

@@ -45,6 +45,7 @@ from drivers.acutronic.axis import AclSettings, Doing
 from drivers.acutronic.limits import Limits
 from drivers.acutronic.line import AclLine
 from drivers.acutronic.table import Table
+from drivers.transport.line import not_this_model
 from drivers.transport.retry import Repeatable
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, SafetyReading
@@ -93,7 +94,7 @@ class Acutrol3000(Driver):
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if len(parts) < 3 or "acutronic" not in parts[0].lower():
-            raise self._line.odd("*IDN?", answer)
+            raise not_this_model(self.place.name, "asked *IDN?", answer)
         return Identity(parts[0], parts[1], parts[2], ",".join(parts[3:]))
 
     def programme_limits(self) -> None:
@@ -238,12 +239,16 @@ class Acutrol3000(Driver):
                 table.patiently_look()
             table.patiently_tell(":Mode ALL,Off")
         except InstrumentError:
-            table.last_attempt(":Mode ALL,Off")
+            self.last_attempt()
             # It may have been heard though nothing is: until then nothing else goes on.
             stands_s = self.place.clock.now() + table.brakes_within_s()
             self.place.clock.sleep_until(min(stands_s, deadline_s))
             raise
         table.forget_errors()
+
+    def last_attempt(self) -> None:
+        """Set all modes off, whatever comes back."""
+        self._table.last_attempt(":Mode ALL,Off")
 
     def read_safety(self) -> SafetyReading:
         """Read back that no axis turns, by rate and by two angles of each, and that all are off."""

@@ -172,11 +172,10 @@ class CoilGenerator(ScpiDriver):
 
         Where that fails, a last attempt switches them off at once, and the error is raised.
         """
-        off = joined(*(messages.switch(on=False) for messages in self._messages.values()))
         self._forget()
         try:
             self._line.patient.query(f"*CLS;{ERROR_QUERY}")
-            self._line.patient.command(off)
+            self._line.patient.command(self._off())
             (outputs,) = self._line.proof.of(self._outputs)
             on = [channel for channel, is_on in outputs.items() if is_on]
             if on:
@@ -184,8 +183,12 @@ class CoilGenerator(ScpiDriver):
                 raise self.error("switched both outputs off", what, "switch it off by hand")
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.last_attempt(off)
+                self.last_attempt()
             raise
+
+    def last_attempt(self) -> None:
+        """Switch both outputs off at once, and wait for no answer."""
+        self._line.last_attempt(self._off())
 
     def read_safety(self) -> SafetyReading:
         """Read back both outputs."""
@@ -196,6 +199,9 @@ class CoilGenerator(ScpiDriver):
     @quantity("output", states=("on", "off"))
     def _is_on(self) -> bool:
         return any(self._outputs().values())
+
+    def _off(self) -> str:
+        return joined(*(messages.switch(on=False) for messages in self._messages.values()))
 
     def _prepare(self) -> None:
         """Have the bench's limits and load in the instrument before anything is switched on."""

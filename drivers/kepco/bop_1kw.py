@@ -68,6 +68,10 @@ class KepcoBop1kW(KepcoSupply):
             self._line.patient.query(f"SYST:REM ON;{ERROR_QUERY}")
         super().make_safe(deadline_s)
 
+    def last_attempt(self) -> None:
+        """Take the output over and switch it off at once, and wait for no answer."""
+        self._line.last_attempt("SYST:REM ON;:OUTP OFF")
+
     def _limit(self, header: str, value: float) -> None:
         """Set a limit on both sides and read it back."""
         self._line.command(f"{header} {value:.4f}")

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
-from drivers.transport.line import TooLate, odd
+from drivers.transport.line import TooLate, not_this_model
 from drivers.transport.visa_line import ERROR_QUERY
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
@@ -89,7 +89,8 @@ class KepcoSupply(SteadyCurrent):
         match = re.match(self.recognises, answer)
         if match is None:
             echo = answer.strip() == "*IDN?"
-            raise odd(self.place.name, "asked *IDN?", answer, TELNET if echo else DIFFERENT)
+            do_now = TELNET if echo else DIFFERENT
+            raise not_this_model(self.place.name, "asked *IDN?", answer, do_now)
         dated = match["before"] or match["after"]
         self.met(f"identity {'with' if dated else 'without'} a calibration date")
         return Identity(
@@ -179,8 +180,12 @@ class KepcoSupply(SteadyCurrent):
             self.place.publish("output", "off")
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.last_attempt("OUTP OFF")
+                self.last_attempt()
             raise
+
+    def last_attempt(self) -> None:
+        """Switch the output off at once, and wait for no answer."""
+        self._line.last_attempt("OUTP OFF")
 
     def _ramp_to_zero(self, deadline_s: float) -> None:
         clock = self.place.clock

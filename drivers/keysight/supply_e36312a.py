@@ -159,8 +159,12 @@ class KeysightE36312A(ScpiDriver):
                 )
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.last_attempt(f"OUTP OFF,{self._at}")
+                self.last_attempt()
             raise
+
+    def last_attempt(self) -> None:
+        """Switch the output off at once, and wait for no answer."""
+        self._line.last_attempt(f"OUTP OFF,{self._at}")
 
     def read_safety(self) -> SafetyReading:
         """Read back the output and its current."""
@@ -238,7 +242,7 @@ class KeysightE36312A(ScpiDriver):
             self._asked()
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.last_attempt(f"OUTP OFF,{self._at}")
+                self.last_attempt()
 
     def _asked(self) -> Look:
         """Return what one exchange says, and publish it."""

@@ -33,7 +33,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from drivers.newport.esp301_line import MODEL, EspLine
-from drivers.transport.line import check_written, errors_until_none
+from drivers.transport.line import check_written, errors_until_none, not_this_model
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
 from station.errors import InstrumentError
@@ -107,7 +107,7 @@ class NewportEsp301(Driver):
         version = self._line.query("VE?")
         match = MODEL.search(version)
         if match is None:
-            raise self._line.odd("VE?", version)
+            raise not_this_model(self.place.name, "sent 'VE?'", version)
         answer = self._line.query(self._of_axis("ID?"))
         stage = STAGE.fullmatch(answer)
         if stage is None:
@@ -250,11 +250,15 @@ class NewportEsp301(Driver):
                 self.place.clock.sleep(LOOK_S)
         except InstrumentError:
             with suppress(InstrumentError):
-                self._line.last_attempt("AB")
+                self.last_attempt()
             raise
         self._turning = False
         with suppress(InstrumentError):
             self._line.forget_errors()
+
+    def last_attempt(self) -> None:
+        """Abort all motion, and wait for no answer."""
+        self._line.last_attempt("AB")
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the movement is over, and from two readings that the angle stays."""

@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.redpitaya.stemlab_settings import SLOTS, BoardSettings, CannotRecord, Record
-from drivers.transport.line import odd, shortened
+from drivers.transport.line import not_this_model, odd, shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import VisaLine
 from station.errors import InstrumentError
@@ -91,7 +91,7 @@ class RedPitaya(Driver):
         answer = self._line.query("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if len(parts) != 4 or parts[0] != "REDPITAYA":
-            raise odd(self.place.name, "asked *IDN?", answer)
+            raise not_this_model(self.place.name, "asked *IDN?", answer)
         return Identity("Red Pitaya", "STEMlab 125-14", parts[2] or "0", f"{parts[1]} {parts[3]}")
 
     @classmethod
@@ -190,8 +190,12 @@ class RedPitaya(Driver):
         except InstrumentError:
             # It may obey though nobody understands its answers.
             with suppress(InstrumentError):
-                self._line.last_attempt(f"DIG:PIN {OUTPUT},0")
+                self.last_attempt()
             raise
+
+    def last_attempt(self) -> None:
+        """Drive the trigger output low, and wait for no answer."""
+        self._line.last_attempt(f"DIG:PIN {OUTPUT},0")
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the trigger output is an output, and low."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from itertools import islice
 
 from drivers.transport.not_opened import why_not_opened
-from station.errors import InstrumentError, InstrumentTimeout
+from station.errors import AnotherInstrument, InstrumentError, InstrumentTimeout
 from station.roles import Place
 
 
@@ -155,6 +156,18 @@ def odd(
 ) -> InstrumentError:
     """Return the error of an answer that is none."""
     return InstrumentError(instrument, attempted, f"{shortened(answer)!r} came back", do_now)
+
+
+IDENTITY = re.compile(r"(?is)[^,]*[a-z][^,]*,[^,]+,[^,]*,[^,]+|.*\bversion\b.*")
+"""Of whatever model: fields as `*IDN?` has them, or a text with its version."""
+
+
+def not_this_model(
+    instrument: str, attempted: str, answer: str, do_now: str = OTHER_ADDRESS
+) -> InstrumentError:
+    """Return the error of what came for an identity; AnotherInstrument where it is another's."""
+    kind = AnotherInstrument if IDENTITY.fullmatch(answer.strip()) else InstrumentError
+    return kind(instrument, attempted, f"{shortened(answer)!r} came back", do_now)
 
 
 def identification(instrument: str, answer: str) -> list[str]:

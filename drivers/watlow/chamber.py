@@ -153,12 +153,16 @@ class WatlowChamber(Driver, ABC):
                 self._disengage(self._line.patient)
             except InstrumentError:
                 with suppress(InstrumentError):
-                    self._last_attempt()
+                    self.last_attempt()
                 raise
         while self.place.clock.now() < deadline_s - LOOK_S:
             if self.read_safety().safe:
                 return
             self.place.clock.sleep(LOOK_S)
+
+    @abstractmethod
+    def last_attempt(self) -> None:
+        """Switch heater and compressor off at once, and wait for no answer."""
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the control is off and the output without power."""
@@ -223,10 +227,6 @@ class WatlowChamber(Driver, ABC):
     @abstractmethod
     def _input_on(self) -> int:
         """Return what the input of the door reads while it is on."""
-
-    @abstractmethod
-    def _last_attempt(self) -> None:
-        """Switch heater and compressor off without waiting for any answer."""
 
     def _begin_ramp(self, target_degC: float, rate_K_per_min: float) -> None:
         here_degC = self._stands_at()

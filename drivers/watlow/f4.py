@@ -41,6 +41,7 @@ from pydantic import Field
 from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings, RegisterLine
 from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import WatlowChamber
+from station.errors import AnotherInstrument
 from station.roles import Identity, Place
 
 MODEL, MODEL_OF_F4 = 0, 5270
@@ -97,7 +98,8 @@ class WatlowF4(WatlowChamber):
         """Read model, serial number and software revision."""
         model, first, last = (self._line.read(address)[0] for address in (MODEL, 1, 2))
         if model != MODEL_OF_F4:
-            raise self.error(
+            raise AnotherInstrument(
+                self.place.name,
                 "read its model",
                 f"{model} came back where an F4 has {MODEL_OF_F4}",
                 "check that the address in the bench file is this controller's",
@@ -161,7 +163,8 @@ class WatlowF4(WatlowChamber):
         if self._event_register is not None:
             line.write(self._event_register, [0])
 
-    def _last_attempt(self) -> None:
+    def last_attempt(self) -> None:
+        """Switch heater and compressor off at once, and wait for no answer."""
         if self._event_register is not None:
             self._line.tell(self._event_register, 0)
         if self._limits_written and self._per_K is not None:

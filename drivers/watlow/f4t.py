@@ -44,7 +44,7 @@ from drivers.transport.modbus_line import (
 )
 from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import LOOK_S, WatlowChamber
-from station.errors import InstrumentError
+from station.errors import AnotherInstrument, InstrumentError
 from station.roles import Identity, Place
 
 LOW_FIRST = "low-first"
@@ -97,7 +97,7 @@ class F4TRegisters:
         hardware = self.whole(HARDWARE)
         if hardware != HARDWARE_OF_F4T:
             swapped = (hardware & 0xFFFF) << 16 | hardware >> 16 & 0xFFFF
-            raise InstrumentError(
+            raise AnotherInstrument(
                 self._place.name,
                 "read the number of its hardware",
                 f"{hardware} came back where an F4T has {HARDWARE_OF_F4T}",
@@ -259,7 +259,8 @@ class WatlowF4T(WatlowChamber):
         except ModbusRefusal:
             pass  # a controller without profiles
 
-    def _last_attempt(self) -> None:
+    def last_attempt(self) -> None:
+        """Switch heater and compressor off at once, and wait for no answer."""
         self._line.tell(MODE + self._shift, OFF)
 
     def _output(self, line: RegisterLine) -> tuple[bool, float]:

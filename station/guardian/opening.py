@@ -1,8 +1,11 @@
 """Open instruments beside one another in a thread each: those of a dead run, and in rehearsal.
 
-One that hangs keeps no other from its turn. Drivers and the libraries below them load parts of
-themselves when they are first used; a rehearsal against nobody has them in memory, for the disk
-that holds them may not answer later.
+One that hangs keeps no other from its turn. One that cannot be understood is switched off all the
+same, by the command that its driver sends without waiting for an answer: it may hear, and answer
+late. Who clearly is another model gets nothing, nor does what the command would toggle.
+
+Drivers and the libraries below them load parts of themselves when they are first used; a rehearsal
+against nobody has them in memory, for the disk that holds them may not answer later.
 """
 
 from __future__ import annotations
@@ -11,18 +14,21 @@ import re
 import socket
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from threading import Thread
+from dataclasses import replace
+from threading import Event, Thread
 
 from station.clock import Clock, RealClock
-from station.errors import reason_of
+from station.errors import AnotherInstrument, InstrumentError, reason_of
 from station.guardian.notes import started
 from station.instruments.bench import Bench
-from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import Probe, open_one
+from station.instruments.instrument_locks import Identity, InstrumentLocks
+from station.instruments.opening import Opened, Probe, open_one
+from station.roles.base import MAX_DEADLINE_S, Driver, SwitchedOffBlindly
 
 OPENS_WITHIN_S = 5.0
 """Real time; a connection that nobody takes is given up after 2 s."""
 HANGS = "{}: it was not open after {:g} s: its line or the computer's own port for it hangs"
+SWITCHED_OFF = "{}; it was sent the command to switch off all the same, which was not read back"
 
 
 class Opening:
@@ -40,21 +46,61 @@ class Opening:
         self._what = (bench, addresses, clock)
         self._locks = locks
         self.probe: Probe | None = None
+        self._unproved = ""
+        self._met = False
+        self._known = Event()
+        """Whether it answers, or was sent the command to switch off all the same."""
         self._thread = started(self._open, f"open {name}")
         if self._thread is None:
             self._open()
 
-    def wait(self, within_s: float) -> None:
-        """Wait until it is known whether it answers, at most `within_s` of real time."""
-        if self._thread is not None:
+    def wait(self, within_s: float) -> Probe:
+        """Return whether it answers, as far as is known after `within_s` of real time.
+
+        A late answer of one that was switched off all the same is waited for the next time.
+        """
+        if self._thread is not None and self._met:
             self._thread.join(max(within_s, 0.0))
+        self._met = self._known.wait(max(within_s, 0.0))
+        words = self._unproved or HANGS.format(self._name, OPENS_WITHIN_S)
+        return self.probe or Probe(self._name, False, words)
 
     def _open(self) -> None:
         try:
-            self.probe = open_one(self._name, *self._what, locks=self._locks)
+            probe = open_one(self._name, *self._what, locks=self._locks, identify=self._identity)
         except Exception as error:  # a fault of one driver keeps no other from its work
             why = f"{self._name}: a fault of its driver: {reason_of(error)}"
-            self.probe = Probe(self._name, False, why)
+            probe = Probe(self._name, False, why)
+        if self._unproved and not probe.ok and probe.identified is None:
+            probe = replace(probe, said=SWITCHED_OFF.format(probe.said))
+        self.probe = probe
+        self._known.set()
+
+    def _identity(self, instrument: Opened) -> Identity:
+        """Return who answers; who cannot be understood is switched off, and may answer late."""
+        try:
+            return _asked_twice(instrument)
+        except AnotherInstrument:
+            raise
+        except InstrumentError as error:
+            if not isinstance(instrument, SwitchedOffBlindly):
+                raise
+            instrument.last_attempt()
+            self._unproved = SWITCHED_OFF.format(error)
+        self._known.set()
+        if isinstance(instrument, Driver):
+            instrument.place.exchanges.deadline_s = MAX_DEADLINE_S
+        return instrument.identify()
+
+
+def _asked_twice(instrument: Opened) -> Identity:
+    """Return who answers; the first question may meet what was on the line."""
+    try:
+        return instrument.identify()
+    except AnotherInstrument:
+        raise
+    except InstrumentError:
+        return instrument.identify()
 
 
 class Reopening:
@@ -79,10 +125,9 @@ class Reopening:
         until_s = real.now() + OPENS_WITHIN_S
         probes = {}
         for name, attempt in opening.items():
-            attempt.wait(until_s - real.now())
+            probes[name] = attempt.wait(until_s - real.now())
             if attempt.probe is None:
                 self._hanging[name] = attempt
-            probes[name] = attempt.probe or Probe(name, False, HANGS.format(name, OPENS_WITHIN_S))
         return probes
 
 

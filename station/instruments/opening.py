@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import methodcaller
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -116,12 +117,13 @@ def open_one(
     readings: Readings | None = None,
     locks: InstrumentLocks | None = None,
     opened: Mapping[str, Opened] = MappingProxyType({}),
+    identify: Callable[[Opened], Identity] = methodcaller("identify"),
 ) -> Probe:
     """Open and identify one instance of a bench; an instrument that answered stays open.
 
     `addresses` replaces those of the bench file (a simulated bench gives its own); what the
     instrument says is published on `readings`; `locks` keep other processes away from it;
-    `opened` are those whose lines it may share.
+    `opened` are those whose lines it may share; `identify` asks who is there.
     """
     if name not in bench.instruments:
         return Probe(name, False, f"{name}: the bench {bench.name!r} has no such instrument")
@@ -155,7 +157,7 @@ def open_one(
     except InstrumentError as error:
         return Probe(name, False, str(error), in_use_by=getattr(error, "who", None))
     try:
-        identity = instrument.identify()
+        identity = identify(instrument)
     except InstrumentError as error:
         instrument.close()
         return Probe(name, False, str(error))

@@ -377,6 +377,18 @@ class MadeSafe(Protocol):
 
 
 @runtime_checkable
+class SwitchedOffBlindly(Protocol):
+    """An instrument that one command switches off, however often it comes: none that toggles."""
+
+    def last_attempt(self) -> None:
+        """Send that command, whatever lies on the line, and wait for no answer.
+
+        Raises InstrumentError where it cannot be sent.
+        """
+        ...
+
+
+@runtime_checkable
 class SampledSource(Instrument, Protocol):
     """A source of samples that number or stamp themselves."""
 

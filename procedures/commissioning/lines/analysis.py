@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +60,7 @@ def analyse(
     asked: Mapping[str, Answers],
     returned: Mapping[str, Answers],
     kept: Mapping[str, Kept],
-    longest: Mapping[str, AnswerTime] = MappingProxyType({}),
+    longest: Mapping[str, AnswerTime] | None = None,
 ) -> Analysis:
     """Return latency, lost answers and kept errors by instrument, and causes.
 
@@ -71,6 +70,7 @@ def analyse(
     """
     estimates: list[Estimate] = []
     flags: list[Flag] = []
+    longest = longest or {}
     for name, answers in asked.items():
         came_s = answers.latency_s[answers.answered]
         estimates += [

@@ -54,6 +54,8 @@ from station.runner.trace import Trace
 
 FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"
 LONG = "100 h"
+LATE = "0.9 s"
+"""An instrument that hears, and answers after the deadline of an exchange."""
 BOARD_COMMANDS = {"can-pulse-board": 0x100, "can-navigator": 0x0A0, "can-imu": 0x0C0}
 """The frame by which a driver commands its instrument on a bus that others use as well."""
 
@@ -62,6 +64,7 @@ Options = tuple[tuple[str, str], ...]
 VARIANTS: Mapping[str, tuple[Options, ...]] = {
     "stray-line": tuple((("where", one),) for one in ("ahead", "before", "behind", "after")),
     "duplicate-reply": ((), (("delay", "20 ms"),)),
+    "late": ((), (("delay", LATE),)),
 }
 """Kinds that strike in more ways than one, by their options; the others come without."""
 
