@@ -1,6 +1,7 @@
 """Procedures, roles, drivers and simulators by entry point, our own and any laboratory's alike.
 
-What is wrong with one package costs its own entries and no others.
+What is wrong with one package costs its own entries and no others: a name of the station's own
+stays its own, and what another package does when it is imported ends nothing else.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from functools import lru_cache
 from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from station.errors import InputError, reason_of
+from station.packages import DISTRIBUTION, NAMES
 
 PROCEDURES = "station.procedures"
 DRIVERS = "station.drivers"
@@ -22,13 +25,18 @@ SIMULATED_BENCH = "bench"
 MUST_HAVE = {PROCEDURES: ("title", "steps", "parameters", "evaluate_run")}
 """What every entry of a group has; something else that a package offers there is refused."""
 OURS = "station."
+OWN = (*NAMES, "station")
+"""Where the modules of the station's own entries are."""
+LOADS_WITHIN_S = 10.0
+"""Real time in which another package has to be imported."""
 
 
 @lru_cache
 def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
     """Return all entry points by group and name, and a sentence on each package that is odd.
 
-    Of two that have one name, that of the package which Python finds first counts.
+    Of two that have one name, the station's own counts, else that of the package which Python
+    finds first.
     """
     groups: dict[str, dict[str, EntryPoint]] = {}
     odd: list[str] = []
@@ -47,8 +55,18 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
             )
             continue
         for entry in offered:
-            first = groups.setdefault(entry.group, {}).setdefault(entry.name, entry)
-            if name_of(first.dist) != name_of(package):
+            known = groups.setdefault(entry.group, {})
+            first, other = known.setdefault(entry.name, entry), entry
+            if is_own(entry) and not is_own(first):
+                first, other = entry, first
+                known[entry.name] = entry
+            if is_own(first) and not is_own(other):
+                doubled.append(
+                    f"the {kind_in(entry.group)} '{entry.name}' is the station's own; that of the "
+                    f"package {name_of(other.dist)} is left out: rename it there, or remove that "
+                    "package"
+                )
+            elif name_of(first.dist) != name_of(package):
                 doubled.append(
                     f"the {kind_in(entry.group)} '{entry.name}' is offered by two packages, "
                     f"{name_of(first.dist)}, which is taken, and {name_of(package)}; rename it in "
@@ -57,6 +75,23 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
     if odd:
         have_none_where_unreadable()
     return groups, (*odd, *doubled)
+
+
+def is_own(entry: EntryPoint) -> bool:
+    """Whether an entry is the station's own, and not that of a package which only says so."""
+    return name_of(entry.dist) == DISTRIBUTION and entry.module.split(".")[0] in OWN
+
+
+def package_of(group: str, name: str) -> str:
+    """Return name and version of the package that offers an entry; empty for no entry."""
+    entry = offers()[0].get(group, {}).get(name)
+    if entry is None or entry.dist is None:
+        return ""
+    try:
+        version = str(entry.dist.version)
+    except Exception:  # metadata that anybody may have written
+        version = "of an unknown version"
+    return f"{name_of(entry.dist)} {version}"
 
 
 def kind_in(group: str) -> str:
@@ -105,15 +140,46 @@ def load(group: str, name: str) -> Any:
         known = ", ".join(names(group)) or "none"
         raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
     try:
-        loaded = entry.load()
-        _refuse_other(group, kind, loaded)
-        return loaded
-    except (Exception, SystemExit) as error:  # whatever the package does when it is imported
-        raise InputError(
-            f"the {kind} {name!r} of the package {name_of(entry.dist)} cannot be loaded from "
-            f"{entry.value} ({reason_of(error)}); install what the package needs, repair it or "
-            "remove it"
-        ) from error
+        loaded, failed = (entry.load(), None) if is_own(entry) else _loaded_beside(entry)
+        if failed is None:
+            _refuse_other(group, kind, loaded)
+            return loaded
+    except Exception as error:  # whatever is wrong with what the package offers
+        failed = error
+    raise InputError(
+        f"the {kind} {name!r} of the package {name_of(entry.dist)} cannot be loaded from "
+        f"{entry.value} ({reason_of(failed)}); install what the package needs, repair it or "
+        "remove it"
+    ) from failed
+
+
+_hanging: dict[str, Thread] = {}
+"""The threads in which modules are still being imported, after all that time."""
+
+
+def _loaded_beside(entry: EntryPoint) -> tuple[Any, BaseException | None]:
+    """Return what another package offers, or what keeps it from being loaded.
+
+    It is imported in a thread of its own: there Ctrl-C of a person cannot be meant by a
+    KeyboardInterrupt, and one that hangs is given up. It is never tried again while it hangs.
+    """
+    came: list[tuple[Any, BaseException | None]] = []
+
+    def load_it() -> None:
+        try:
+            came.append((entry.load(), None))
+        except BaseException as error:  # whatever the package does when it is imported
+            came.append((None, error))
+
+    before = _hanging.get(entry.module)
+    if before is None or not before.is_alive():
+        before = Thread(target=load_it, name=f"import of {entry.module}", daemon=True)
+        before.start()
+        before.join(LOADS_WITHIN_S)
+    if came:
+        return came[0]
+    _hanging[entry.module] = before
+    return None, TimeoutError(f"its import is not done after {LOADS_WITHIN_S:g} s")
 
 
 def _refuse_other(group: str, kind: str, loaded: object) -> None:

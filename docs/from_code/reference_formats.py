@@ -110,7 +110,7 @@ RUN_FILES = {
     "bench.yaml": "the bench file as it was given",
     "bench.resolved.yaml": "the bench file with every default written out",
     "run.json": "what differs from one execution to the next: UTC, host, versions, git commit, "
-    "values given with `--set`",
+    "package and version of each driver of the bench, values given with `--set`",
     "events.jsonl": "the log: one JSON object a line, each with the SHA-256 of the line before",
     "raw/SOURCE-NNN.mcap": "raw rows of one source, one file for each process that wrote",
     "trace/INSTRUMENT.txt": "`run --record-wire`: every exchange of one instrument, with its time; "

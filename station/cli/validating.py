@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from station import registry
-from station.console import span
+from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
 from station.files.faults import MOST_FAULTS, listed, shortened, shown
 from station.files.lookup import BENCHES, PLANS, find
@@ -32,6 +32,8 @@ SERVED_WRONG = (
 
 def read_bench_named(name: str) -> Bench:
     """Return the bench of a path or name; FaultList names each driver that cannot be loaded."""
+    for sentence in registry.offers()[1]:
+        tell(f"WARNING: {sentence}")
     bench = read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
     wrong = {
         instance: registry.why_not(registry.DRIVERS, entry.driver)
@@ -158,7 +160,7 @@ def validate_plans(
     faults: list[Fault] = []
     plans: list[Plan] = []
     bench = None
-    for sentence in (*registry.offers()[1], *collected()[1]):
+    for sentence in collected()[1]:
         print(f"WARNING: {sentence}", file=sys.stderr)
     try:
         bench = read_bench_named(bench_name)

@@ -132,7 +132,12 @@ def _instruments(folder: RunFolder) -> dict[str, Any]:
 def _software(folder: RunFolder) -> dict[str, Any]:
     facts = folder.run_facts()
     versions = {"station": facts.get("station"), "commit": facts.get("git_commit")}
-    return {**versions, "python": facts.get("python"), **facts.get("packages", {})}
+    return {
+        **versions,
+        "python": facts.get("python"),
+        **facts.get("packages", {}),
+        **facts.get("drivers", {}),
+    }
 
 
 def _differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[Difference]:

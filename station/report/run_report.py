@@ -193,6 +193,9 @@ def version_rows(facts: Mapping[str, Any]) -> Iterator[Row]:
         yield "git commit", str(facts["git_commit"])
     yield "Python", str(facts["python"])
     yield from ((name, str(number)) for name, number in facts["packages"].items() if number)
+    for package in sorted({*facts.get("drivers", {}).values()}):
+        drivers = [name for name, other in facts["drivers"].items() if other == package]
+        yield f"drivers of {package}", ", ".join(drivers)
     yield "computer", f"{facts['host']}, {facts['system']}"
 
 

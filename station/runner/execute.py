@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,6 +39,10 @@ from station.safety.drift import remember_drift
 
 SERVED_SINCE = "served_since_unix"
 """In run.json: when the bench that `station sim` served began, None where nothing was served."""
+
+
+DRIVERS = "drivers"
+"""In run.json: name and version of the package of each driver of the bench."""
 
 
 @dataclass(frozen=True)
@@ -199,6 +203,7 @@ def head_of(
         "set": list(plan.overrides),
         "bench_file": str(bench.path.resolve()),
         **versions(),
+        DRIVERS: packages_of(entry.driver for entry in bench.instruments.values()),
     }
     return {
         "plan.yaml": plan.text,
@@ -207,6 +212,11 @@ def head_of(
         BENCH: yaml_text(bench.to_yaml_data()),
         RUN: json_text(facts),
     }
+
+
+def packages_of(drivers: Iterable[str]) -> dict[str, str]:
+    """Return name and version of the package of each driver."""
+    return {name: registry.package_of(registry.DRIVERS, name) for name in sorted({*drivers})}
 
 
 def inputs_of(procedure: Procedure, plan: Plan) -> dict[str, bytes]:

@@ -23,7 +23,14 @@ from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.record.recorded import read_plan_and_bench, used_instruments
 from station.runner.evaluation import evaluate_run, exit_code_of
-from station.runner.execute import SERVED_SINCE, all_prompts, announce_folder, conclude
+from station.runner.execute import (
+    DRIVERS,
+    SERVED_SINCE,
+    all_prompts,
+    announce_folder,
+    conclude,
+    packages_of,
+)
 from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.preflight import watch_system_clock
@@ -44,7 +51,7 @@ STAYS_OUT = (
     "What is damaged is not measured again, since what it was measured under may be gone: the "
     "verdict will be inconclusive at best."
 )
-SOFTWARE = ("station", "git_commit", "python", "packages")
+SOFTWARE = ("station", "git_commit", "python", "packages", DRIVERS)
 SAME_INSTRUMENT = ("driver", "serial", "settings", "limits", "calibration")
 
 
@@ -241,10 +248,15 @@ def silent_since(folder: RunFolder) -> float:
 
 def software_changes(facts: Mapping[str, Any]) -> dict[str, Any]:
     """Return what of the software is not as it was: name to [before, now]."""
-    now = versions()
+    now = present_software(facts)
     before = {key: facts.get(key) for key in SOFTWARE}
     pairs = dict(flat_pairs(before, {key: now.get(key) for key in SOFTWARE}))
     return {name: list(pair) for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def present_software(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the software that a run goes on with, by the names that its facts have."""
+    return {**versions(), DRIVERS: packages_of(facts.get(DRIVERS, ()))}
 
 
 def flat_pairs(
@@ -262,7 +274,7 @@ def add_software(record: RunRecord, facts: Mapping[str, Any]) -> None:
     """Add to run.json with which software, and when, the run went on."""
     resumed = [
         *facts.get("resumed", []),
-        {"resumed_utc": utc_now().isoformat(timespec="seconds"), **versions()},
+        {"resumed_utc": utc_now().isoformat(timespec="seconds"), **present_software(facts)},
     ]
     record.write_json(RUN, json.loads(json.dumps({**facts, "resumed": resumed})))
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
 from command_line import PLAN, station
+from places import ROOT
 from plan_runs import shipped_bench
 
 from station import registry
@@ -30,7 +35,10 @@ MODULES = {
     "import-fails": "import no_such_library\n",
     "raises": "raise RuntimeError('no licence')\n",
     "exits": "import sys\nsys.exit('no licence')\n",
+    "interrupts": "raise KeyboardInterrupt('no licence')\n",
+    "ends": "raise BaseException('no licence')\n",
 }
+HANGS = "import threading\nthreading.Event().wait(60)\n"
 
 
 def package(folder: Path, name: str, points: bytes | None = None, module: str = "") -> Path:
@@ -53,6 +61,11 @@ def installed(folder: Path, patch: pytest.MonkeyPatch) -> None:
     patch.syspath_prepend(str(folder))
     registry.offers.cache_clear()
     registry.names.cache_clear()
+
+
+def beside_ours(folder: Path) -> str:
+    """Return the search path of another process: the packages below a folder, then this code."""
+    return f"{folder}{os.pathsep}{ROOT}"
 
 
 @pytest.fixture(autouse=True)
@@ -142,3 +155,77 @@ def test_a_name_that_two_packages_offer_is_named_with_both(tmp_path: Path) -> No
     done = station(tmp_path, "validate", "plan.yaml", PYTHONPATH=str(first))
     assert done.returncode == 0, done.stderr
     assert "WARNING: the driver 'lab-driver' is offered by two packages" in done.stderr
+
+
+def test_a_name_of_the_stations_own_is_not_taken_by_another_package(tmp_path: Path) -> None:
+    points = b"[station.drivers]\nkepco-bop-36-12 = takerware_module:Thing\n"
+    module = "raise RuntimeError('it was loaded')\n"
+    path = beside_ours(package(tmp_path / "site", "takerware", points, module))
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, "run", "plan.yaml", "--dry-run", PYTHONPATH=path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("WARNING") == 1, done.stderr
+    assert (
+        "WARNING: the driver 'kepco-bop-36-12' is the station's own; that of the package takerware "
+        "is left out: rename it there, or remove that package"
+    ) in done.stderr
+
+
+def test_a_run_and_its_report_name_the_package_of_each_driver(one_axis_run: Path) -> None:
+    drivers = json.loads((one_axis_run / "run.json").read_text(encoding="utf-8"))["drivers"]
+    ours = drivers["kepco-bop-36-12"]
+    assert re.fullmatch(r"inertial-station \d.*", ours)
+    assert f"drivers of {ours}" in (one_axis_run / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_package_of_a_laboratorys_own_driver_is_known(tmp_path: Path) -> None:
+    points = b"[station.drivers]\nlab-meter = meterware_module:Thing\n"
+    module = "from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71 as Thing\n"
+    path = beside_ours(package(tmp_path / "site", "meterware", points, module))
+    program = (
+        "from station.runner.execute import packages_of; print(packages_of(['lab-meter', 'none']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=True,
+    )
+    assert done.stdout == "{'lab-meter': 'meterware 1.0', 'none': ''}\n"
+
+
+def test_a_package_that_hangs_costs_only_what_needs_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(registry, "LOADS_WITHIN_S", 0.3)
+    points = b"[station.drivers]\nlab-meter = hangware_module:Thing\n"
+    installed(package(tmp_path / "site", "hangware", points, HANGS), monkeypatch)
+    list_what_there_is("drivers", as_json=False)
+    listed = capsys.readouterr().out
+    (line,) = [row for row in listed.splitlines() if "lab-meter" in row]
+    assert "of the package hangware cannot be loaded" in line
+    assert "its import is not done after 0.3 s" in line
+    assert "kepco-bop-36-12" in listed
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    bench = shipped_bench()
+    bench["instruments"]["gaussmeter"]["driver"] = "lab-meter"
+    (tmp_path / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    assert validate_plans([str(tmp_path / "plan.yaml")], "sim") == 0
+    assert validate_plans([str(tmp_path / "plan.yaml")], str(tmp_path / "bench.yaml")) == 2
+    assert "package hangware cannot be loaded" in capsys.readouterr().err
+
+
+@pytest.mark.campaign
+def test_list_names_a_package_that_hangs_after_ten_seconds_and_goes_on(tmp_path: Path) -> None:
+    points = (
+        b"[station.drivers]\nlab-meter = hangware_module:Thing\nlab-two = hangware_module:Two\n"
+    )
+    path = beside_ours(package(tmp_path / "site", "hangware", points, HANGS))
+    began = time.monotonic()
+    done = station(tmp_path, "list", "drivers", PYTHONPATH=path)
+    assert 10.0 < time.monotonic() - began < 20.0
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("its import is not done after 10 s") == 2
+    assert "watlow-f4t" in done.stdout
