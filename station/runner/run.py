@@ -13,6 +13,7 @@ from station.errors import InputError
 from station.method.prompts import Prompt
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
+from station.roles.base import ANSWER_TIME
 from station.roles.role import turns
 from station.runner.live import LiveBoard
 from station.runner.notices import Notices
@@ -43,6 +44,7 @@ SENTENCES = {
     "settings-stay": "settings that it keeps could not be put back; the log has what they were",
     "instrument-settings": "",
     "instrument-variant": "",
+    ANSWER_TIME: "",
 }
 """What the operator reads of the first event of a kind of an instrument; all are in the log."""
 COMPUTES_WITHIN_S = 120.0
