@@ -41,12 +41,15 @@ class Opening:
         addresses: Mapping[str, str],
         clock: Clock,
         locks: InstrumentLocks | None = None,
+        unproved: str = "",
     ) -> None:
         self._name = name
         self._what = (bench, addresses, clock)
         self._locks = locks
         self.probe: Probe | None = None
-        self._unproved = ""
+        self._patient = bool(unproved)
+        self.unproved = unproved
+        """What is known of one that was sent the command to switch off, also the last time."""
         self._met = False
         self._known = Event()
         """Whether it answers, or was sent the command to switch off all the same."""
@@ -62,7 +65,7 @@ class Opening:
         if self._thread is not None and self._met:
             self._thread.join(max(within_s, 0.0))
         self._met = self._known.wait(max(within_s, 0.0))
-        words = self._unproved or HANGS.format(self._name, OPENS_WITHIN_S)
+        words = self.unproved or HANGS.format(self._name, OPENS_WITHIN_S)
         return self.probe or Probe(self._name, False, words)
 
     def _open(self) -> None:
@@ -71,14 +74,20 @@ class Opening:
         except Exception as error:  # a fault of one driver keeps no other from its work
             why = f"{self._name}: a fault of its driver: {reason_of(error)}"
             probe = Probe(self._name, False, why)
-        if self._unproved and not probe.ok and probe.identified is None:
+        if self.unproved and not probe.ok and probe.identified is None:
             probe = replace(probe, said=SWITCHED_OFF.format(probe.said))
         self.probe = probe
         self._known.set()
 
     def _identity(self, instrument: Opened) -> Identity:
-        """Return who answers; who cannot be understood is switched off, and may answer late."""
+        """Return who answers; who cannot be understood is switched off, and may answer late.
+
+        Who was late the last time has all the time for its first answer: it is not cut off again.
+        """
         try:
+            if self._patient:
+                be_patient_with(instrument)
+                return instrument.identify()
             return _asked_twice(instrument)
         except AnotherInstrument:
             raise
@@ -86,11 +95,16 @@ class Opening:
             if not isinstance(instrument, SwitchedOffBlindly):
                 raise
             instrument.last_attempt()
-            self._unproved = SWITCHED_OFF.format(error)
+            self.unproved = SWITCHED_OFF.format(error)
         self._known.set()
-        if isinstance(instrument, Driver):
-            instrument.place.exchanges.deadline_s = MAX_DEADLINE_S
+        be_patient_with(instrument)
         return instrument.identify()
+
+
+def be_patient_with(instrument: Opened) -> None:
+    """Wait for each answer as long as any bench may allow."""
+    if isinstance(instrument, Driver):
+        instrument.place.exchanges.deadline_s = MAX_DEADLINE_S
 
 
 def _asked_twice(instrument: Opened) -> Identity:
@@ -112,13 +126,12 @@ class Reopening:
         self._bench, self._addresses, self._clock = bench, addresses, clock
         self._locks = locks
         self._hanging: dict[str, Opening] = {}
+        self._unproved: dict[str, str] = {}
 
     def open(self, names: Sequence[str]) -> dict[str, Probe]:
         """Return whether each answers, after 5 s of real time at most; those that do are open."""
         opening = {
-            name: self._hanging.pop(name)
-            if name in self._hanging
-            else Opening(name, self._bench, self._addresses, self._clock, self._locks)
+            name: self._hanging.pop(name) if name in self._hanging else self._begun(name)
             for name in names
         }
         real = RealClock()
@@ -128,7 +141,13 @@ class Reopening:
             probes[name] = attempt.wait(until_s - real.now())
             if attempt.probe is None:
                 self._hanging[name] = attempt
+            if attempt.unproved:
+                self._unproved[name] = attempt.unproved
         return probes
+
+    def _begun(self, name: str) -> Opening:
+        what = (self._bench, self._addresses, self._clock, self._locks)
+        return Opening(name, *what, self._unproved.get(name, ""))
 
 
 REHEARSES_WITHIN_S = 2.0
