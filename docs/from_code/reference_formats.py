@@ -191,7 +191,7 @@ RUN_EVENTS = {
     "failed": "why the run did not finish, with its exit code and the program's traceback",
     "safe-state": "how each instrument came to rest, and whether that was read back; `outside` "
     "and `left_out` as before the run, `witnesses` what a second instrument said, `oldest_s` the "
-    "age of the oldest reading at `utc`",
+    "age of the oldest reading then",
     "on-again": "what was switched off was on again at the last look, or a witness said so",
     "time-missed": "the run's process did not run for so many seconds; `at_s` says until when",
     "sleep-allowed": "the computer may go to sleep during the run, and why it could not be asked",

@@ -47,7 +47,6 @@ class LastLook:
             **self.bench.to_data(),
             "witnesses": [testimony.to_data() for testimony in self.testimonies],
             "oldest_s": round(self.oldest_s, 3),
-            "utc": self.utc,
         }
 
     @property
