@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from shlex import quote
 from threading import Event, Thread
-from typing import IO
+from types import FrameType
+from typing import IO, NoReturn
 
 from station.cli.analysing import name_unused, print_document
 from station.cli.controlling import abort_run, logs_of
@@ -21,6 +22,7 @@ from station.cli.running import ANNOUNCE, may_ask
 from station.clock import RealClock, boot_seconds
 from station.console import tell
 from station.control.client import NotRunning, ask, not_running
+from station.control.signals import WISHES
 from station.control.status import RUN_STARTED, in_words, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.files.locks import is_held
@@ -84,8 +86,13 @@ def run_attended(arguments: Sequence[str]) -> int:
     if folder is None:
         return EXIT_FAULT if process.returncode is None else process.returncode
     tell(f"another terminal sees it with: station attach {quote(str(folder))}")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, end_as_ctrl_c)
     return attach(folder)
+
+
+def end_as_ctrl_c(number: int, frame: FrameType | None) -> NoReturn:
+    """Do what Ctrl-C does, and say which signal it was."""
+    raise KeyboardInterrupt(signal.Signals(number).name)
 
 
 def begin_detached(arguments: Sequence[str]) -> Path:
@@ -150,20 +157,23 @@ def attach(folder: Path) -> int:
         left = viewer.watch()
     except EOFError:  # this terminal is gone, not the run
         left = is_held(folder / LOCK)
-    except KeyboardInterrupt:
-        return end(folder)
+    except KeyboardInterrupt as wish:
+        return end(folder, WISHES[str(wish) or "SIGINT"])
     if left:
         tell(f"the run goes on; to attach again: station attach {quote(str(folder))}")
         return EXIT_DONE
     return how_it_ended(folder, viewer.failure)
 
 
-def end(folder: Path) -> int:
-    """End a run; each further Ctrl-C only cuts short the waits of making its bench safe."""
+def end(folder: Path, by: str) -> int:
+    """End a run by what a person did here.
+
+    Each further Ctrl-C only cuts short the waits of making its bench safe.
+    """
     tell("\nthe run is being ended; its bench is made safe")
     while True:
         try:
-            abort_run(folder, ABORT_WITHIN_S, as_json=False)
+            abort_run(folder, ABORT_WITHIN_S, as_json=False, by=by)
             break
         except KeyboardInterrupt:
             tell("\nthe bench is being made safe; that is never skipped, its waits are cut short")
@@ -298,7 +308,7 @@ class Viewer:
             for event in self._log.new_events():
                 self._note(event)
             if prompt_id not in self._open:
-                tell("   answered by somebody else")
+                tell("   the run has ended" if self.failure else "   answered by somebody else")
                 return
             if line is None:
                 continue

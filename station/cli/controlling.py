@@ -13,6 +13,7 @@ from typing import Any, TypeVar, cast
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
+from station.control.requests import ABORT_VERB
 from station.control.status import RUN_STARTED, Status, read_status, remaining_s
 from station.errors import (
     EXIT_DONE,
@@ -34,7 +35,7 @@ from station.record.events import (
     whole_bench,
 )
 from station.record.layout import EVENTS, LOCK
-from station.safety.acknowledgement import acknowledge, addresses_in
+from station.safety.acknowledgement import acknowledge, addresses_in, user_name
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""
@@ -117,17 +118,19 @@ def real_rest_of_step_s(run: Path, status: Status) -> float | None:
     return left_s / speed if speed and present and left_s is not None else None
 
 
-def abort_run(run: Path, timeout_s: float, *, as_json: bool) -> int:
+def abort_run(run: Path, timeout_s: float, *, as_json: bool, by: str = ABORT_VERB) -> int:
     """End a run, wait until its bench has been made safe, and return the exit code.
 
-    A process that does not answer is about to be ended by its guardian, or is past its steps: the
-    bench is reported in every case.
+    `by` is what the person did, for the run's log. A process that does not answer is about to be
+    ended by its guardian, or is past its steps: the bench is reported in every case.
     """
     guardian = guardian_at_work(run)
     if guardian is not None:
         return end_guardian(run, guardian, timeout_s, as_json=as_json)
     try:
-        tell(str(within(DISK_WITHIN_S, lambda: ask(run, "abort")).get("said")))
+        details = {"by": f"{by} (user {user_name()})" if user_name() else by}
+        answer = within(DISK_WITHIN_S, lambda: ask(run, "abort", details=details))
+        tell(str(answer.get("said")))
     except NoAnswer as error:
         tell(str(error))
     message, outcomes, ended = wait_for_end(run, timeout_s)

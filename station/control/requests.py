@@ -17,6 +17,7 @@ from station.clock import Clock
 from station.console import tell
 from station.control.answers import Desk, wait_for_person
 from station.control.channel import Channel, Incoming
+from station.control.signals import ended_by
 from station.errors import Aborted, InstrumentError, PauseRefused
 from station.roles.base import MadeSafe
 
@@ -80,7 +81,8 @@ def ask_for_rest(name: str, instrument: MadeSafe, words: Words) -> None:
         words.refused[name] = f"it is not at rest: {reading.read_back}"
 
 
-ENDED_FROM_OUTSIDE = "the run was ended by `station abort`"
+LONGEST_CAUSE = 200
+ABORT_VERB = "`station abort`"
 ENDS_FIRST = "the run ends first"
 RECEIVED = "the request was received: the run ends at its next wait, and then makes the bench safe"
 ENDS_ALREADY = "the run is ending already: it makes the bench safe"
@@ -266,7 +268,8 @@ class Control:
             self.hurry()
             incoming.answer(outcome="ending", said=ENDS_ALREADY)
             return
-        self._abort = Aborted(ENDED_FROM_OUTSIDE)
+        by = str(incoming.details.get("by", ABORT_VERB))
+        self._abort = ended_by(by[:LONGEST_CAUSE] if by.isprintable() else ABORT_VERB)
         self._clock.interrupt(self._abort)
         self._wakes.set()
         incoming.answer(outcome="ending", said=RECEIVED)

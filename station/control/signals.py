@@ -16,19 +16,29 @@ from station.errors import Aborted
 from station.safety.safe_state import Hurry
 
 HANG_UP = "SIGHUP"
-WISHES = ("SIGINT", "SIGTERM", HANG_UP)
+WISHES = {
+    "SIGINT": "Ctrl-C",
+    "SIGTERM": "a request of the system to end (SIGTERM)",
+    HANG_UP: "the end of its terminal (SIGHUP)",
+}
+"""Each signal by which a person ends a run, and what the person did."""
+
+
+def ended_by(cause: str) -> Aborted:
+    """Return the error of a run that a person ended, with the sentence that says how."""
+    return Aborted(f"the run was ended by {cause}")
 
 
 @contextmanager
-def wishes_end_a_prompt(clock: Clock) -> Iterator[None]:
+def wishes_end_a_prompt(clock: Clock, prompt_id: str) -> Iterator[None]:
     """Let whatever ends a run end a read from the terminal at once.
 
     Nothing is held while a person is asked: no wish, no interlock's trip, no folder that is gone.
     """
 
     def heard(number: int, frame: FrameType | None) -> None:
-        name = signal.Signals(number).name
-        raise clock.interruption or Aborted(f"the run was ended by {name} at a prompt")
+        cause = WISHES[signal.Signals(number).name]
+        raise clock.interruption or ended_by(f"{cause} at the prompt {prompt_id}")
 
     before = {number: signal.signal(number, heard) for number in wishes()}
     clock.ends_prompt = end_prompt
@@ -125,5 +135,5 @@ class AbortSignals:
             return
         first = self._clock.interruption
         # The first wish stays the reason: what woke a prompt because of it may come here, late.
-        ended = Aborted(f"the run was ended by {name}")
-        self._clock.interrupt(first if isinstance(first, Aborted) else ended)
+        wish = ended_by(WISHES[name])
+        self._clock.interrupt(first if isinstance(first, Aborted) else wish)

@@ -88,6 +88,10 @@ SENTENCES: dict[State, str] = {
 }
 
 
+UNKNOWN_END = "why it ended is unknown; its disk may be full: look at the bench"
+"""Of a run whose log ends early and holds no `failed`."""
+
+
 @dataclass(frozen=True)
 class Status:
     """How a run stands; what its log does not tell is None. Times in s of run (bench) time."""
@@ -241,6 +245,8 @@ def last_message(
     if failed:
         return str(failed[-1].details["message"])
     later = [event for event in of_the_run(events) if event.kind != RUN_STARTED]
+    if later and later[-1].kind == "run-ended" and not later[-1].details.get("complete"):
+        return UNKNOWN_END
     return in_words(later[-1]) if later else "nothing yet"
 
 
@@ -290,9 +296,7 @@ def in_words(event: Event) -> str:
         case "failed":
             return str(details["message"])
         case "run-ended":
-            if details.get("complete"):
-                return "all steps are done"
-            return "why it ended is unknown; its disk may be full: look at the bench"
+            return "all steps are done" if details.get("complete") else "the run has ended early"
         case "safe-state":
             left = [
                 outcome["instrument"]

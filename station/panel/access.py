@@ -63,6 +63,11 @@ def cookie_of(connection: HTTPConnection) -> str:
     return COOKIE + (connection.headers.get("host", "").rpartition(":")[2] or "80")
 
 
+def peer_of(connection: HTTPConnection) -> str:
+    """Return the address of the computer that asks."""
+    return connection.client.host if connection.client else "an unknown address"
+
+
 class Guard:
     """Refuse what the panel does not answer, before any page or action is reached."""
 

@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 from station import registry
 from station.clock import boot_seconds
 from station.errors import StationError
-from station.panel.access import Access, Guard, Role, cookie_of
+from station.panel.access import Access, Guard, Role, cookie_of, peer_of
 from station.panel.overview import MOST_RUNS, benches, plans
 from station.panel.starting import Starting, Wanted
 from station.panel.streams import Streams
@@ -190,6 +190,7 @@ class Panel:
             return JSONResponse({"error": f"no such action: {wish}"}, 404)
         folder, data = self.folder(request), await body(request)
         details = {key: str(value)[:1000] for key, value in data.items() if key in ("id", "text")}
+        details["by"] = f"the panel's abort ({self.role(request)} at {peer_of(request)})"
         return JSONResponse(await run_in_threadpool(self._wishes.pass_on, folder, wish, details))
 
 

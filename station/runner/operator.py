@@ -132,12 +132,12 @@ class Operator:
         if self._desk is not None:
             answer = self._desk.ask(prompt)
         else:
-            with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock):
+            with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock, prompt.id):
                 tell("\n" + "\n".join(prompt.lines))
                 discard_typed()
                 answer = typed(prompt)
         if answer == ABORT:
-            raise Aborted(f"the operator ended the run at the prompt {prompt.id}")
+            raise Aborted(f"the answer `{ABORT}` ended the run at the prompt {prompt.id}")
         return answer
 
     def would_wait(self, prompt: Prompt) -> bool:
@@ -157,7 +157,7 @@ class Operator:
             tell(f"\n>> {prompt.text}")
             answer = ABORT
             if self._interactive and not self._detached and self._meant(prompt) is None:
-                with suppress(Aborted), wishes_end_a_prompt(self._clock):
+                with suppress(Aborted), wishes_end_a_prompt(self._clock, prompt.id):
                     discard_typed()
                     answer = typed(prompt, f"   [{prompt.id}] {HINT_AT_THE_END}: ")
             if answer != DONE:

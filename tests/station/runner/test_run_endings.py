@@ -142,7 +142,7 @@ def test_ctrl_c_at_the_end_of_the_last_step_ends_the_run(
 
     monkeypatch.setattr(RunRecord, "event", note)
     outcome, _ = short_run(tmp_path, plan=ONE_AXIS)
-    assert (outcome.exit_code, outcome.error) == (4, "the run was ended by SIGINT")
+    assert (outcome.exit_code, outcome.error) == (4, "the run was ended by Ctrl-C")
     assert outcome.document is None
 
 
