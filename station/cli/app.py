@@ -11,6 +11,7 @@ from station.cli.more_verbs import add_to
 from station.cli.options import (
     DEFAULT_BENCH,
     MOUNTED,
+    ActiveRun,
     Answers,
     BenchFile,
     BenchName,
@@ -85,6 +86,12 @@ def run(
     served: Served = None,
     output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
     set_: Overrides = None,
+    serial: Annotated[
+        str | None, typer.Option(help="Serial number of the device, in place of the plan's.")
+    ] = None,
+    operator: Annotated[
+        str | None, typer.Option(help="Who operates, in place of the plan's.")
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print durations and set-points; open nothing.")
     ] = False,
@@ -96,12 +103,15 @@ def run(
     """Run a test plan; leaves a folder of data and report."""
     if not dry_run:
         leave_to_own_process(detach=detach, non_interactive=non_interactive, as_json=json)
+    from station.files.plan.composition import identifying
+
+    overrides = [*(set_ or ()), *identifying(serial, operator)]
     if dry_run:
         from station.cli.running import dry_run_plan
 
         raise typer.Exit(
             dry_run_plan(
-                plan, bench, served=served, output=output, as_json=json, overrides=set_ or ()
+                plan, bench, served=served, output=output, as_json=json, overrides=overrides
             )
         )
     from station.cli.running import run_plan
@@ -115,7 +125,7 @@ def run(
             served=served,
             output=output,
             as_json=json,
-            overrides=set_ or (),
+            overrides=overrides,
             trace=trace,
             rehearse=rehearse,
         )
@@ -144,7 +154,7 @@ def commission(
 
 @app.command()
 def resume(
-    folder: RunFolder,
+    folder: ActiveRun,
     bench: Annotated[
         str | None, typer.Option("--bench", help="Bench file, where addresses have changed.")
     ] = None,
@@ -172,7 +182,7 @@ def resume(
 
 
 @app.command()
-def attach(run: RunFolder) -> None:
+def attach(run: ActiveRun) -> None:
     """Show a running run and answer its prompts."""
     from station.cli.attaching import attach as attach_to
 
@@ -265,7 +275,7 @@ def status(
 
 @app.command()
 def pause(
-    run: RunFolder,
+    run: ActiveRun,
     json: Json = False,
 ) -> None:
     """Pause a run before its next unit of work."""
@@ -276,7 +286,7 @@ def pause(
 
 @app.command()
 def abort(
-    run: RunFolder,
+    run: ActiveRun,
     timeout: Annotated[
         float, typer.Option(help="Wait so many seconds until the bench is safe.")
     ] = 120.0,

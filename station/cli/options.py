@@ -16,6 +16,14 @@ def named_run(value: Path | None) -> Path | None:
     return None if value is None else find_run(value)
 
 
+def active_run(value: Path | None) -> Path | None:
+    """Return the run folder that a person means who acts on a run: of several, the active one."""
+    from station.control.status import is_active
+    from station.record.run_names import find_run
+
+    return None if value is None else find_run(value, is_active=is_active)
+
+
 def complete_run(typed: str) -> list[str]:
     """Return the names of runs that hold what was typed, for a shell that completes them."""
     from station.record.run_names import RUNS, runs_below
@@ -87,12 +95,19 @@ RunFolder = Annotated[
     Path,
     typer.Argument(metavar="RUN", help=RUN_HELP, callback=named_run, autocompletion=complete_run),
 ]
+ACTIVE_HELP = f"{RUN_HELP} Of several the active one."
+ActiveRun = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RUN", help=ACTIVE_HELP, callback=active_run, autocompletion=complete_run
+    ),
+]
 NewestRun = Annotated[
     Path | None,
     typer.Argument(
         metavar="[RUN]",
-        help=f"{RUN_HELP} Without it, the newest.",
-        callback=named_run,
+        help=f"{ACTIVE_HELP} Without it, the newest.",
+        callback=active_run,
         autocompletion=complete_run,
     ),
 ]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from station.clock import utc_now
-from station.errors import InputError
+from station.errors import InputError, StationError
 from station.files.locks import is_held
 from station.guardian.notes import AtWork, guardian_at_work
 from station.record.events import (
@@ -164,6 +164,14 @@ def read_status(folder: Path) -> Status:
         left_out=tuple(latest_left_out(events, of_guardian)),
         message=last_message(events, of_guardian, guardian_at_work(folder)),
     )
+
+
+def is_active(folder: Path) -> bool:
+    """Whether a process is at work on a run, its own or its guardian's."""
+    try:
+        return is_held(folder / LOCK) or guardian_at_work(folder) is not None
+    except (OSError, StationError):  # nobody can act on it by its name then
+        return False
 
 
 def of_kind(events: Sequence[Event], kind: str) -> list[Event]:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
+from station.files.plan.composition import identifying
 from station.panel.access import Role
 
 LONGEST_WORD = 200
@@ -38,13 +39,7 @@ class Wanted:
     @property
     def overrides(self) -> list[str]:
         """What is set in the plan."""
-        named = [("dut.serial", self.serial), ("operator", self.operator)]
-        return [f"{key}={quoted(word)}" for key, word in named if word]
-
-
-def quoted(word: str) -> str:
-    """Return a word as YAML text, so that `42` stays a serial number."""
-    return "'" + word.replace("'", "''") + "'"
+        return identifying(self.serial, self.operator or None)
 
 
 class Starting(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from station.errors import InputError
@@ -16,18 +17,21 @@ def runs_below(parent: Path) -> list[Path]:
     return sorted(path.parent for path in parent.glob(f"[!.]*/{EVENTS}"))
 
 
-def find_run(name: Path, parent: Path = RUNS) -> Path:
+def find_run(
+    name: Path, parent: Path = RUNS, *, is_active: Callable[[Path], bool] | None = None
+) -> Path:
     """Return the folder of a run from its path, its name, or what only its name holds.
 
-    A path that exists is taken as it is. Raises InputError where no name below `parent` holds the
-    text, or several do.
+    A path that exists is taken as it is. With `is_active`, of several runs the active one is meant.
+    Raises InputError where no name below `parent` holds the text, or several do.
     """
     if name.exists() or len(name.parts) != 1:
         return name
     text = str(name).lower()
     fitting = [path for path in runs_below(parent) if text in path.name.lower()]
     exact = [path for path in fitting if path.name.lower() == text]
-    match exact or fitting:
+    active = [path for path in fitting if is_active(path)] if is_active and fitting[1:] else []
+    match exact or active or fitting:
         case [only]:
             return only
         case []:
@@ -37,7 +41,8 @@ def find_run(name: Path, parent: Path = RUNS) -> Path:
             )
         case several:
             newest_first = "".join(f"\n  {path.name}" for path in reversed(several))
+            which = "active runs" if active else "runs"
             raise InputError(
-                f"{len(several)} runs below {parent} have a name that holds '{name}'; write more "
-                f"of the one you mean:{newest_first}"
+                f"{len(several)} {which} below {parent} have a name that holds '{name}'; write "
+                f"more of the one you mean:{newest_first}"
             )

@@ -151,6 +151,16 @@ def override(document: Document, given: Sequence[str]) -> list[Fault]:
     return faults
 
 
+def identifying(serial: str | None, operator: str | None) -> list[str]:
+    """Return the overrides that say which device is measured and by whom, where they are given.
+
+    Each is quoted, so that `42` stays a serial number.
+    """
+    named = (("dut.serial", serial), ("operator", operator))
+    quoted = ((key, text.replace("'", "''")) for key, text in named if text is not None)
+    return [f"{key}='{text}'" for key, text in quoted]
+
+
 def _way(document: Document, where: Where, number: int) -> Fault | None:
     """Make sure that mappings lead to a path; return a fault when something else is in the way."""
     holder: Any = document.data

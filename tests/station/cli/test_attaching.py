@@ -24,6 +24,7 @@ from station.control.channel import Incoming
 from station.control.status import read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_WRONG_INPUT, Aborted
 from station.method.prompts import Prompt
+from station.record.layout import EVENTS
 from station.record.log_tail import LogTail
 
 WITHIN_S = 60.0
@@ -70,6 +71,18 @@ def test_whoever_attaches_answers_and_whoever_leaves_ends_nothing(tmp_path: Path
         status = read_status(run)
         assert not status.running
         assert status.bench_safe
+
+
+def test_the_serial_number_of_an_earlier_run_means_the_one_that_is_active(tmp_path: Path) -> None:
+    with detached_run(tmp_path) as run:
+        earlier = tmp_path / "runs" / "20250101T000000Z-rlg-magnetic-sensitivity-SN-1"
+        earlier.mkdir()
+        (earlier / EVENTS).touch()
+        seen = station(tmp_path, "status", "SN-1", "--json")
+        assert json.loads(seen.stdout)["run"] == f"runs/{run.name}", seen.stderr
+        aborted = station(tmp_path, "abort", "SN-1")
+        assert aborted.returncode == 0, aborted.stderr
+        assert not read_status(run).running
 
 
 @pytest.mark.campaign

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from command_line import PLAN, begun, station, station_command, with_addresses
 from places import SIM
 
@@ -46,6 +47,23 @@ def test_run_prints_one_json_document_and_the_rest_on_standard_error(
     assert "S9" in messages
     assert folder.parent.name == "here"
     assert folder.name.endswith("Z-rlg-magnetic-sensitivity-SN-1")
+
+
+def test_serial_number_and_operator_of_the_command_line_are_in_the_record(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    who = ("--serial", "42", "--operator", "O'Neill")
+    looked = station(tmp_path, "run", "plan.yaml", "--dry-run", *who, "--json")
+    assert json.loads(looked.stdout)["dut"]["serial"] == "42", looked.stderr
+    done = station(tmp_path, "run", "plan.yaml", *who, "--set", "title=trial", CI="true")
+    assert done.returncode == 0, done.stderr
+    (run,) = (tmp_path / "runs").iterdir()
+    assert run.name.endswith("-rlg-magnetic-sensitivity-42")
+    plan = yaml.safe_load((run / "plan.resolved.yaml").read_text(encoding="utf-8"))
+    assert (plan["dut"]["serial"], plan["operator"]) == ("42", "O'Neill")
+    assert "dut.serial='42'" in json.loads((run / "run.json").read_text(encoding="utf-8"))["set"]
+    refused = station(tmp_path, "run", "plan.yaml", "--serial", "a/b", CI="true")
+    assert refused.returncode == 2
+    assert "dut.serial" in refused.stderr
 
 
 def test_no_colour_codes_leave_the_program(finished: tuple[Path, dict[str, Any], str]) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from command_line import station
 
-from station.cli.options import complete_run
+from station.cli.options import active_run, complete_run
 from station.errors import InputError
-from station.record.layout import EVENTS
+from station.files.locks import FileLock
+from station.record.layout import EVENTS, LOCK
 from station.record.run_names import find_run
 
 NAMES = (
@@ -52,6 +55,28 @@ def test_the_command_line_takes_a_part_of_a_name(runs: Path) -> None:
     done = station(runs.parent, "status", "SN-0043")
     assert done.returncode == 2
     assert NAMES[2] in done.stderr
+
+
+def test_of_several_the_active_run_is_meant(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(runs.parent)
+    with held(runs / NAMES[2]):
+        assert active_run(Path("SN-0043")) == Path("runs") / NAMES[2]
+        with held(runs / NAMES[1]), pytest.raises(InputError, match="2 active runs") as refused:
+            active_run(Path("SN-0043"))
+        assert NAMES[1] in str(refused.value) and NAMES[2] in str(refused.value)
+        assert active_run(Path(NAMES[1])) == Path("runs") / NAMES[1]
+    with pytest.raises(InputError, match="2 runs below"):
+        active_run(Path("SN-0043"))
+
+
+@contextmanager
+def held(run: Path) -> Iterator[None]:
+    """A run that a process is at work on."""
+    lock = FileLock(run / LOCK)
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def test_a_shell_completes_it(runs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
