@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 from shlex import quote
 from threading import Event, Thread
@@ -19,22 +20,24 @@ from typing import IO, NoReturn
 from station.cli.analysing import name_unused, print_document
 from station.cli.controlling import abort_run, logs_of
 from station.cli.running import ANNOUNCE, may_ask
-from station.clock import RealClock, boot_seconds
-from station.console import tell
+from station.clock import RealClock, boot_seconds, local_time
+from station.console import span, tell
 from station.control.client import NotRunning, ask, not_running
 from station.control.signals import WISHES
 from station.control.status import RUN_STARTED, in_words, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.files.locks import is_held
 from station.method.prompts import Asking, Prompt
+from station.record.careful_reading import read_json
 from station.record.events import LEFT_FOR_THE_END, RESUMED, latest_left_out, whole_bench
 from station.record.events import Event as LogEvent
 from station.record.folder import REPORT, RESULTS, RunFolder
-from station.record.layout import EVENTS, LOCK
+from station.record.layout import EVENTS, LOCK, RUN
 from station.record.log_tail import LogTail
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.operator import Operator, discard_typed
-from station.runner.progress import Progress
+from station.runner.progress import Progress, time_of_day
+from station.runner.resuming import real_seconds_since
 
 LOOKS_EVERY_S = 0.2
 """Real time between two looks at the log."""
@@ -215,6 +218,35 @@ def ask_what_was_left(folder: Path) -> None:
     operator.ask_at_the_end([Prompt.from_data(event.details) for event in left])
 
 
+class LogTimes:
+    """The time of day of each event of a run's log, which has the bench's time alone.
+
+    `run.json` says when each process of the run began. On virtual time it is the bench time since
+    the run began: nothing says when in the day that was.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        facts = read_json(folder / RUN)
+        processes = [process["resumed_utc"] for process in facts.get("resumed", ())]
+        self._begins = iter([facts.get("started_utc"), *processes])
+        self._speed = self._first_s = 0.0
+        self._began: tuple[float, datetime] | None = None
+
+    def of(self, event: LogEvent) -> str:
+        """Return when an event happened; each event of the log is asked for once, in order."""
+        if event.kind == RUN_STARTED:
+            self._speed, self._first_s = float(event.details.get("speed") or 0.0), event.time_s
+        if event.kind in (RUN_STARTED, RESUMED):
+            began = next(self._begins, None)
+            self._began = (event.time_s, datetime.fromisoformat(began)) if began else None
+        if self._began is None or not self._speed:
+            return f"+ {span(event.time_s - self._first_s)}"
+        began_s, utc = self._began
+        moment = (utc + timedelta(seconds=(event.time_s - began_s) / self._speed)).astimezone()
+        day = "" if moment.date() == local_time().date() else f"{moment:%Y-%m-%d} "
+        return day + time_of_day(moment)
+
+
 class Viewer:
     """One terminal on a run: what its log says as progress, and the prompts that wait."""
 
@@ -236,10 +268,13 @@ class Viewer:
         caught_up = list(self._log.new_events())
         for event in caught_up:
             self._note(event)
+        # The last of them may be long past.
+        self._looked_s -= real_seconds_since(self._folder / EVENTS)
+        times = LogTimes(self._folder)
         total_s = sum(self._expected_s.values())
         with Progress(total_s, units=self._units, folder=self._folder) as progress:
             for event in caught_up:
-                self._show(event, progress)
+                self._show(event, progress, times.of(event))
             while True:
                 alive = is_held(self._folder / LOCK)
                 for event in self._log.new_events():
@@ -281,20 +316,20 @@ class Viewer:
                 self._open.clear()
                 self.failure = ""
 
-    def _show(self, event: LogEvent, progress: Progress) -> None:
-        """Show an event as the run's own terminal would."""
+    def _show(self, event: LogEvent, progress: Progress, when: str = "") -> None:
+        """Show an event as the run's own terminal would; `when` it happened, if not just now."""
         details = event.details
         match event.kind:
             case "step-started":
                 number = details["step"]
-                progress.step(number, details["title"], self._expected_s.get(number, 0.0))
+                progress.step(number, details["title"], self._expected_s.get(number, 0.0), when)
             case "unit-finished":
                 progress.unit_finished(details["unit"])
-                progress.at(event.time_s - self._step_s, details["unit"])
+                progress.at(event.time_s - self._step_s, details["unit"], when)
             case "prompt-shown" if not sys.stdin.isatty():
-                progress.say(in_words(event))
+                progress.say(in_words(event), when)
             case "failed" | "paused" | "went-on" | "safe-state" | "pause-refused":
-                progress.say(in_words(event))
+                progress.say(in_words(event), when)
 
     def _answer(self) -> None:
         """Put the oldest prompt that waits, until somebody has answered it, here or elsewhere."""

@@ -75,8 +75,8 @@ class Waiting:
         status = read_status(self._run)
         if status.step is None:
             return f"    {status.message}"
-        left_s = real_rest_of_step_s(self._run, status)
-        left = f", expected to take another {span(left_s)} at most" if left_s else ""
+        left_s = rest_of_step_s(self._run, status)
+        left = f", expected to take another {span(left_s)} of bench time" if left_s else ""
         return f"    step {status.step}{left}: {status.message}"
 
 
@@ -105,8 +105,8 @@ def pause_run(run: Path, *, as_json: bool) -> int:
     return exit_code
 
 
-def real_rest_of_step_s(run: Path, status: Status) -> float | None:
-    """Return the real time in s that the present step is expected to take still.
+def rest_of_step_s(run: Path, status: Status) -> float | None:
+    """Return the bench time in s that the present step is expected to take still.
 
     None where it is not known, as on virtual time. A unit of work ends with its step, or before.
     """
@@ -114,8 +114,9 @@ def real_rest_of_step_s(run: Path, status: Status) -> float | None:
     planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
     speed, steps = planned.get("speed"), planned.get("steps", [])
     present = [step for step in steps if step["step"] == status.step]
-    left_s = remaining_s({"steps": present}, events, status.run_time_s)
-    return left_s / speed if speed and present and left_s is not None else None
+    # The log has the bench's clock, which was at any time when the run began.
+    left_s = remaining_s({"steps": present}, events, events[0].time_s + status.run_time_s)
+    return left_s if speed and present else None
 
 
 def abort_run(run: Path, timeout_s: float, *, as_json: bool, by: str = ABORT_VERB) -> int:

@@ -84,6 +84,7 @@ def ask_for_rest(name: str, instrument: MadeSafe, words: Words) -> None:
 LONGEST_CAUSE = 200
 ABORT_VERB = "`station abort`"
 ENDS_FIRST = "the run ends first"
+NO_UNIT_FOLLOWS = "no pause comes: the run is in its last unit of work, or past it, and ends first"
 RECEIVED = "the request was received: the run ends at its next wait, and then makes the bench safe"
 ENDS_ALREADY = "the run is ending already: it makes the bench safe"
 
@@ -159,6 +160,8 @@ class Control:
         """Cuts short the waits of making the bench safe."""
         self.live: Callable[[], Mapping[str, Any]] = dict
         """What the run sets and reads just now."""
+        self.may_still_pause: Callable[[], bool] = lambda: True
+        """Whether the run comes to a place between two units, as far as is known."""
 
     def __enter__(self) -> Control:
         try:
@@ -279,6 +282,8 @@ class Control:
             incoming.answer(outcome="ended", said=ENDS_FIRST)
         elif self._paused is not None and not self._goes_on:
             incoming.answer(outcome="paused", devices=dict(self._paused))
+        elif not self.may_still_pause():
+            incoming.answer(outcome="ended", said=NO_UNIT_FOLLOWS)
         else:
             incoming.meanwhile = {"said": "the run pauses before its next unit of work"}
             self._waiting.append(incoming)

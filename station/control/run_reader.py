@@ -66,6 +66,7 @@ class RunReader:
         """Return how the run stands as it was read last; may raise what `DAMAGE` names.
 
         Times are whole seconds, the end whole minutes of UTC: they stay the same for a while.
+        `began_s` is what the bench's clock was at when the run began, as the raw data have it.
         """
         held = self._held
         events = self._events
@@ -78,6 +79,7 @@ class RunReader:
         of_guardian = guardian_events(self.folder)
         safe = latest_safe_state(events, of_guardian)
         done = {event.details["unit"] for event in events if event.kind == "unit-finished"}
+        began_s = self._began_s
         now_s = self._now_s(state, NOTHING_LIVE)
         left_s = self._left_s(state, now_s)
         ends = self._ends(left_s)
@@ -92,13 +94,16 @@ class RunReader:
             "steps": steps_of(planned, since_it_went_on(events)),
             "units_done": len(done),
             "units_planned": len(planned.get("units") or ()) or None,
-            "time_s": round(now_s),
+            "began_s": began_s,
+            "time_s": round(now_s - began_s),
             "left_s": None if left_s is None else round(left_s),
             "ends": None if ends is None else round(ends.timestamp() / 60.0),
             "prompt": open_prompt(events) if held else None,
             "safe": None if safe is None else [dict(outcome) for outcome in safe],
             "left_out": latest_left_out(events, of_guardian),
-            "log": [{"t": event.time_s, "text": in_words(event)} for event in events[-LATEST:]],
+            "log": [
+                {"t": event.time_s - began_s, "text": in_words(event)} for event in events[-LATEST:]
+            ],
         }
 
     def times(self, state: str, live: Mapping[str, Any] = NOTHING_LIVE) -> Times:
@@ -108,8 +113,12 @@ class RunReader:
         """
         now_s = self._now_s(state, live)
         left_s = self._left_s(state, now_s)
-        began_s = self._events[0].time_s if self._events else 0.0
-        return Times(now_s - began_s, left_s, self._ends(left_s))
+        return Times(now_s - self._began_s, left_s, self._ends(left_s))
+
+    @property
+    def _began_s(self) -> float:
+        """What the bench's clock was at when the run began: a served one goes on between runs."""
+        return self._events[0].time_s if self._events else 0.0
 
     def _now_s(self, state: str, live: Mapping[str, Any]) -> float:
         """Return the run time in s: as the run answered, or that of its last event and since."""

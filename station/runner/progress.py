@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 LONGER = "not known, it takes longer than expected"
 REPEAT_S = 60.0
 """Real time between two lines of progress of one unit of work where the output is no terminal."""
+
+
+def time_of_day(moment: datetime) -> str:
+    """Return a moment as a line of progress has it."""
+    return f"{moment:%H:%M:%S}"
 
 
 def how_long(expected_s: float, clock: Clock) -> str:
@@ -51,6 +57,7 @@ class Progress:
         self._before_s = 0.0
         """What the steps before it took."""
         self._elapsed_s = 0.0
+        self._knows_units = bool(units)
         self._units = dict(units or {})
         """The units of work that are still to be done, and how long they should take."""
         self._finished: list[FinishedUnit] = []
@@ -68,14 +75,22 @@ class Progress:
         if self._screen is not None:
             self._screen.__exit__()
 
-    def step(self, number: str, title: str, expected_s: float) -> None:
-        """Say that a step begins that is expected to take `expected_s` of bench time."""
+    @property
+    def units_left(self) -> tuple[str, ...] | None:
+        """The units of work that are still to be done, None where data decide which."""
+        return tuple(self._units) if self._knows_units else None
+
+    def step(self, number: str, title: str, expected_s: float, when: str = "") -> None:
+        """Say that a step begins that is expected to take `expected_s` of bench time.
+
+        `when` it began, where that was not just now.
+        """
         self._before_s += self._elapsed_s
         self._elapsed_s = 0.0
         self._step_s = expected_s
         self._later_s -= expected_s
-        self.say(f"{number}  {title}")
-        self.at(0.0)
+        self.say(f"{number}  {title}", when)
+        self.at(0.0, when=when)
 
     def unit_finished(self, unit: str) -> None:
         """Take note that a unit of work is finished: the pace of the run shows in them."""
@@ -84,8 +99,8 @@ class Progress:
             at_s = self._before_s + self._elapsed_s
             self._finished.append(FinishedUnit(at_s, self._units.pop(unit)))
 
-    def at(self, elapsed_s: float, detail: str = "") -> None:
-        """Say how the run stands after `elapsed_s` of work on its step."""
+    def at(self, elapsed_s: float, detail: str = "", when: str = "") -> None:
+        """Say how the run stands after `elapsed_s` of work on its step; `when` as in `step`."""
         self._elapsed_s = elapsed_s
         if self._quiet or self._screen is not None:
             return
@@ -96,7 +111,7 @@ class Progress:
             left_s = time_left_s(forecast_s, self._finished, sum(self._units.values()), done_s)
             percent = 100 * done_s / max(done_s + left_s, 1e-9)
             left = span(left_s) if left_s > 0.0 else LONGER
-            self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip())
+            self.say(f"    {percent:3.0f} %  bench time left {left}  {detail}".rstrip(), when)
 
     @contextmanager
     def paused(self) -> Iterator[None]:
@@ -107,12 +122,12 @@ class Progress:
         with self._screen.paused():
             yield
 
-    def say(self, text: str) -> None:
-        """Write a line that stays."""
+    def say(self, text: str, when: str = "") -> None:
+        """Write a line that stays, with the time of day, or with `when` it happened."""
         if self._quiet:
             return
         self._said_at = boot_seconds()
-        line = f"{local_time():%H:%M:%S}  {text}"
+        line = f"{when or time_of_day(local_time())}  {text}"
         if self._screen is None:
             tell(line)
         else:

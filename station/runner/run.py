@@ -104,6 +104,8 @@ class Run:
         self.notices = Notices(command, record.path, bench.name, plan.dut.serial)
         self._said: set[tuple[str, str]] = set()
         self._hung_up = False
+        self._last_place: tuple[str, ...] | None = None
+        """The units of work that were to be done at the last place to pause."""
 
     @property
     def parameters(self) -> Any:
@@ -114,6 +116,7 @@ class Run:
         """Let other terminals act on this run from now on; returns what they act by."""
         self.control = control
         control.live = self.live.data
+        control.may_still_pause = self.may_still_pause
         self._operator.listen_at(control.desk)
         return control
 
@@ -216,9 +219,18 @@ class Run:
 
     def may_pause(self) -> None:
         """Pause here where somebody wishes it: between units of work, before conditions are set."""
+        self._last_place = self.progress.units_left
         if self.control is not None:
             with self._not_working():
                 self.control.between_units(self)
+
+    def may_still_pause(self) -> bool:
+        """Whether another place to pause may come; not after the one before the last unit.
+
+        Where data decide what units there are, one may always come.
+        """
+        left = self.progress.units_left
+        return left is None or len(left) > 1 or (len(left) == 1 and self._last_place != left)
 
     def wait(self, seconds: float, detail: str = "") -> None:
         """Let run time pass, with progress."""

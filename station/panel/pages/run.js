@@ -172,7 +172,7 @@ function plotsOf(data) {
       place.setAttribute("aria-label", t("{columns} over run time", {columns: `${source}: ${Object.keys(columns).join(", ")}`}));
       byId("plots").append(place);
     }
-    const lines = Object.entries(columns).map(([name, one]) => ({x: one.t, y: one.v, name, mode: "lines"}));
+    const lines = Object.entries(columns).map(([name, one]) => ({x: one.t.map((s) => s - (shown ? shown.began_s : 0)), y: one.v, name, mode: "lines"}));
     const layout = {title: {text: source}, height: 260, margin: {t: 40, r: 10, b: 40, l: 70},
                     xaxis: {title: {text: t("run time, s")}}, showlegend: lines.length > 1, uirevision: source};
     Plotly.react(place, lines, layout, {displaylogo: false, responsive: true});

@@ -10,21 +10,26 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from threading import Thread
 
 import pytest
-from command_line import PLAN, station, station_command
+from command_line import PLAN, begun, station, station_command
 from served_bench import served_bench
 from terminal import OnTerminal, hears_hang_up
 
-from station.clock import RealClock
+from station.cli.attaching import LogTimes
+from station.clock import RealClock, local_time
 from station.control.answers import Desk
 from station.control.channel import Incoming
 from station.control.status import read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_WRONG_INPUT, Aborted
+from station.files.locks import FileLock
 from station.method.prompts import Prompt
-from station.record.layout import EVENTS
+from station.record.events import Event as LogEvent
+from station.record.events import EventLog
+from station.record.layout import EVENTS, LOCK, RUN
 from station.record.log_tail import LogTail
 
 WITHIN_S = 60.0
@@ -145,6 +150,41 @@ def test_attach_says_that_a_killed_run_is_gone_and_its_bench_is_not_verified(
     assert seen.returncode == 3
     assert f"`station resume {run}` resumes it" in seen.stderr
     assert "NOT VERIFIED: go to the bench" in seen.stderr
+
+
+def test_attach_gives_each_past_step_the_time_at_which_it_began(tmp_path: Path) -> None:
+    began = local_time() - timedelta(hours=2)
+    begins = [began, began + timedelta(hours=1)]
+    again = [{"resumed_utc": begins[1].isoformat()}]
+    facts = {"started_utc": begins[0].isoformat(), "resumed": again}
+    (tmp_path / RUN).write_text(json.dumps(facts), encoding="utf-8")
+    log, lock = EventLog(tmp_path / EVENTS), FileLock(tmp_path / LOCK)
+    steps = [{"step": number, "title": "T", "expected_s": 9e4} for number in ("S1", "S2")]
+    for time_s, kind, details in (
+        (500.0, "run-started", {"speed": 10.0, "steps": steps}),
+        (6500.0, "step-started", {"step": "S1", "title": "T"}),  # 600 s later
+        (7000.0, "resumed", {}),
+        (7600.0, "step-started", {"step": "S2", "title": "T"}),  # 60 s later
+    ):
+        log.append(time_s, kind, details, durable=False)
+    log.close()
+    process = begun(tmp_path, "attach", tmp_path)
+    assert process.stderr is not None
+    shown: list[str] = []
+    while not any("  S2  " in line for line in shown):
+        shown.append(process.stderr.readline())
+    lock.release()
+    process.communicate(timeout=WITHIN_S)
+    times = {line.split()[-2]: line.split("  ")[0] for line in shown if line.endswith("  T\n")}
+    expected = (begins[0] + timedelta(seconds=600), begins[1] + timedelta(seconds=60))
+    for number, moment in zip(("S1", "S2"), expected, strict=True):
+        assert times[number].endswith(f"{moment:%H:%M:%S}"), shown
+
+
+def test_on_virtual_time_the_bench_time_of_a_step_is_given(tmp_path: Path) -> None:
+    times = LogTimes(tmp_path)
+    assert times.of(LogEvent(50.0, "run-started", {"speed": None})) == "+ 0 s"
+    assert times.of(LogEvent(3650.0, "step-started", {})) == "+ 1 h 00 min"
 
 
 def test_what_keeps_a_detached_run_from_beginning_is_shown(tmp_path: Path) -> None:

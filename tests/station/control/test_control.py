@@ -34,6 +34,7 @@ from station.control.signals import AbortSignals
 from station.control.status import read_status
 from station.errors import Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
+from station.panel.wishes import Wishes
 from station.procedure import Prompt
 from station.record.events import Event as LogEvent
 from station.record.events import is_paused, paused_s
@@ -371,6 +372,32 @@ def test_a_pause_in_the_last_unit_is_answered_that_the_run_ends_first(virtual: D
     (answer,) = virtual.wait_for_answers()
     assert (answer["outcome"], answer["said"]) == ("ended", "the run ends first")
     assert ask(virtual.folder, "pause")["outcome"] == "ended"
+
+
+@pytest.mark.parametrize("left", [["IA"], []], ids=["in the last unit", "after it"])
+def test_a_pause_that_can_not_come_any_more_is_answered_at_once(
+    virtual: Desk, left: list[str]
+) -> None:
+    run, word = virtual.run, Wishes()
+    run.progress = Progress(1.0, units={"warm-up": 1.0, "IA": 1.0}, quiet=True)
+    run.listen_to(virtual.control)
+    run.progress.unit_finished("warm-up")
+    assert virtual.ask("pause").wait(LONG_S)
+    assert go_on(virtual.folder)  # it would come before IA
+    run.may_pause()
+    if not left:
+        run.progress.unit_finished("IA")
+    for said in (ask(virtual.folder, "pause"), word.pass_on(virtual.folder, "pause", {})):
+        assert (said["outcome"], said["final"]) == ("ended", True)
+        assert "no pause comes" in said["said"]
+    assert not ask(virtual.folder, "live")["pause_requested"]
+
+
+def test_a_run_of_which_data_decide_the_units_may_always_pause(virtual: Desk) -> None:
+    virtual.run.listen_to(virtual.control)
+    virtual.run.may_pause()
+    assert virtual.ask("pause").wait(LONG_S)
+    assert ask(virtual.folder, "live")["pause_requested"]
 
 
 def test_an_abort_ends_the_run_at_its_next_wait(virtual: Desk) -> None:

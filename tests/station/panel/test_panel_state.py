@@ -9,25 +9,28 @@ from pathlib import Path
 import pytest
 from panel_server import panel
 
+from station.cli.controlling import rest_of_step_s
 from station.clock import utc_now
+from station.control.status import read_status
 from station.files.locks import FileLock
 from station.panel import app
 from station.panel.watching import RunWatch
+from station.record.events import EventLog
 
 STARTED = {
-    "t_s": 0.0,
-    "event": "run-started",
     "speed": 2.0,
     "steps": [{"step": "S1", "title": "Record", "expected_s": 600.0}],
 }
-STEP = {"t_s": 0.0, "event": "step-started", "step": "S1", "title": "Record"}
+STEP = {"step": "S1", "title": "Record"}
 
 
-def run_of_a_minute_ago(folder: Path) -> Path:
-    log = folder / "events.jsonl"
-    log.write_text(f"{json.dumps(STARTED)}\n{json.dumps(STEP)}\n", encoding="utf-8")
+def run_of_a_minute_ago(folder: Path, began_s: float = 0.0) -> Path:
+    log = EventLog(folder / "events.jsonl")
+    for kind, details in (("run-started", STARTED), ("step-started", STEP)):
+        log.append(began_s, kind, details, durable=False)
+    log.close()
     past_s = utc_now().timestamp() - 60.0
-    os.utime(log, (past_s, past_s))
+    os.utime(folder / "events.jsonl", (past_s, past_s))
     return folder
 
 
@@ -39,6 +42,20 @@ def test_time_goes_on_between_two_events_and_the_end_stays(tmp_path: Path) -> No
     assert 120 <= state["time_s"] < 200 and 400 < state["left_s"] <= 480
     begun_s = utc_now().timestamp() - 60.0
     assert abs(state["ends"] * 60.0 - begun_s - 300.0) < 45.0
+
+
+def test_a_bench_that_was_served_for_long_changes_no_time_of_a_run(tmp_path: Path) -> None:
+    began_s = 1980.0
+    lock = FileLock(run_of_a_minute_ago(tmp_path, began_s) / "run.lock")
+    state = json.loads(dict(RunWatch(tmp_path).news({}))["state"])
+    status = read_status(tmp_path)
+    rest_s = rest_of_step_s(tmp_path, status)
+    lock.release()
+    assert state["began_s"] == began_s
+    assert 120 <= state["time_s"] < 200 and 400 < state["left_s"] <= 480
+    assert [line["t"] for line in state["log"]] == [0.0, 0.0]
+    assert 120 <= status.run_time_s < 200
+    assert rest_s is not None and 400 < rest_s <= 480
 
 
 def test_nothing_is_left_of_a_run_that_is_gone(tmp_path: Path) -> None:
