@@ -16,6 +16,8 @@ Role = Literal["operator", "engineer"]
 COOKIE = "station-panel-"
 """And the port: a browser keeps one set of cookies for every port of a computer."""
 LARGEST_REQUEST = 65536
+GUESS_EVERY_S, MAX_WAIT_S = 1.0, 10.0
+MOST_PEERS = 1000
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 OPEN_PATHS = ("/login", "/static/")
 POLICY = (
@@ -56,6 +58,33 @@ class Access:
         session = secrets.token_urlsafe(32)
         self._sessions[session] = fitting[0]
         return session, fitting[0]
+
+
+class Turns:
+    """When each computer's next token is looked at: one a second after a wrong one of its own.
+
+    Its guesses queue up behind one another, and behind nobody else's. The computers that came last
+    are remembered, and no more than `MOST_PEERS`.
+    """
+
+    def __init__(self) -> None:
+        self._free_s: dict[str, float] = {}
+
+    def take(self, peer: str, now_s: float) -> float | None:
+        """Return the seconds until a token is looked at, None where too many wait already."""
+        wait_s = max(self._free_s.get(peer, now_s) - now_s, 0.0)
+        if wait_s > MAX_WAIT_S:
+            return None
+        self._free_s.pop(peer, None)
+        self._free_s[peer] = now_s + wait_s + GUESS_EVERY_S
+        if len(self._free_s) > MOST_PEERS:
+            del self._free_s[next(iter(self._free_s))]
+        return wait_s
+
+    def was_right(self, peer: str) -> None:
+        """Give the turn of a right token back: the next one need not wait for it."""
+        if peer in self._free_s:
+            self._free_s[peer] -= GUESS_EVERY_S
 
 
 def cookie_of(connection: HTTPConnection) -> str:

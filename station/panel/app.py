@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 from station import registry
 from station.clock import boot_seconds
 from station.errors import StationError
-from station.panel.access import Access, Guard, Role, cookie_of, peer_of
+from station.panel.access import GUESS_EVERY_S, Access, Guard, Role, Turns, cookie_of, peer_of
 from station.panel.overview import MOST_RUNS, benches, plans
 from station.panel.starting import Starting, Wanted
 from station.panel.streams import Streams
@@ -55,7 +55,7 @@ class Panel:
         self._wishes = Wishes()
         self._streams = Streams()
         self._lock = Lock()
-        self._logging_in = asyncio.Lock()
+        self._turns = Turns()
         self._looks = Lock()
         self._seen: tuple[float, str, dict[str, Any]] = (float("-inf"), "", {})
 
@@ -109,12 +109,18 @@ class Panel:
     async def log_in(self, request: Request) -> Response:
         """Take a token and give a session."""
         token = str((await body(request)).get("token", ""))
-        async with self._logging_in:  # one guess a second, however many ask at once
-            logged_in = self._access.log_in(token)
-            if logged_in is None:
-                await asyncio.sleep(1.0)
+        peer = peer_of(request)
+        wait_s = self._turns.take(peer, boot_seconds())
+        if wait_s is None:
+            return JSONResponse(
+                {"error": "too many wrong tokens came from this computer; wait"}, 429
+            )
+        await asyncio.sleep(wait_s)
+        logged_in = self._access.log_in(token)
         if logged_in is None:
+            await asyncio.sleep(GUESS_EVERY_S)
             return JSONResponse({"error": "this token is not known here"}, 403)
+        self._turns.was_right(peer)
         session, role = logged_in
         response = JSONResponse({"role": role})
         response.set_cookie(cookie_of(request), session, httponly=True, samesite="strict")

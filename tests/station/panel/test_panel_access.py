@@ -8,6 +8,7 @@ import socket
 import subprocess
 import urllib.request
 from collections.abc import Iterator
+from http.client import HTTPConnection
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -21,7 +22,7 @@ from station.cli.panel import names_of, read_tokens, serve_panel
 from station.cli.starting import DetachedRuns
 from station.clock import boot_seconds
 from station.errors import InputError
-from station.panel.access import LARGEST_REQUEST, Access
+from station.panel.access import GUESS_EVERY_S, LARGEST_REQUEST, MOST_PEERS, Access, Turns
 from station.panel.app import Panel
 from station.record.layout import EVENTS
 
@@ -221,6 +222,48 @@ def test_guesses_of_a_token_are_taken_one_by_one(guarded: Served) -> None:
     for one in asked:
         one.join()
     assert boot_seconds() - began_s >= guesses * 0.99
+
+
+def test_wrong_tokens_delay_the_computer_alone_that_sent_them(guarded: Served) -> None:
+    asked = [Thread(target=logged_in_from, args=(guarded, "127.0.0.2", "x")) for _ in range(3)]
+    for one in asked:
+        one.start()
+    began_s = boot_seconds()
+    assert logged_in_from(guarded, "127.0.0.3", OPERATOR) == 200
+    assert logged_in_from(guarded, "127.0.0.3", ENGINEER) == 200
+    assert boot_seconds() - began_s < GUESS_EVERY_S / 2
+    for one in asked:
+        one.join()
+    assert boot_seconds() - began_s >= 3 * GUESS_EVERY_S * 0.95
+    began_s = boot_seconds()
+    assert logged_in_from(guarded, "127.0.0.2", OPERATOR) == 200
+    assert boot_seconds() - began_s < GUESS_EVERY_S / 2
+
+
+def logged_in_from(panel: Served, address: str, token: str) -> int:
+    """Show a token from an address of this computer; return the status of the answer."""
+    host, _, port = panel.url.removeprefix("http://").partition(":")
+    connection = HTTPConnection(host, int(port), timeout=60, source_address=(address, 0))
+    headers = {"Origin": panel.url, "Content-Type": "application/json"}
+    connection.request("POST", "/login", json.dumps({"token": token}), headers)
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+def test_one_computer_that_guesses_waits_longer_and_is_then_refused_and_few_are_remembered() -> (
+    None
+):
+    turns, now_s = Turns(), 100.0
+    waits = [turns.take("192.0.2.1", now_s) for _ in range(13)]
+    assert waits[:11] == [float(n) for n in range(11)]
+    assert waits[11:] == [None, None]
+    assert turns.take("192.0.2.2", now_s) == 0.0
+    turns.was_right("192.0.2.2")
+    assert turns.take("192.0.2.2", now_s) == 0.0
+    for number in range(MOST_PEERS):
+        turns.take(f"peer {number}", now_s)
+    assert turns.take("192.0.2.1", now_s) == 0.0
 
 
 def test_a_panel_at_every_address_answers_at_the_one_it_is_asked(tmp_path: Path) -> None:
