@@ -57,7 +57,7 @@ class FileLock:
     """A lock that is held until `release`, or until every process that has it has ended.
 
     One for `everybody` may be taken by every user of the computer and, on Linux, has a name beside
-    its file, which nobody can remove.
+    its file, which nobody can remove. Its file goes with the last who holds it.
     """
 
     def __init__(self, path: Path, *, everybody: bool = False) -> None:
@@ -94,10 +94,15 @@ class FileLock:
             os.write(self.files[0], text.encode())
 
     def release(self) -> None:
-        """Give the lock back; the file stays, since another process may be about to open it."""
+        """Give the lock back.
+
+        The file of one run stays. One for everybody is removed, where nobody else holds it.
+        """
         while self.files:
             with suppress(OSError):
                 os.close(self.files.pop())
+        if self._everybody:
+            remove_if_free(self.path)
 
     def _try(self) -> list[int]:
         file = _open(self.path, EVERYBODY_FILE if self._everybody else OWN_FILE)
@@ -111,6 +116,27 @@ class FileLock:
             os.close(file)
             raise
         return [file]
+
+
+def remove_if_free(path: Path) -> None:
+    """Remove the file of a lock that nobody holds; what is not this user's own file stays.
+
+    It is removed while it is locked: whoever opened it before finds that it is not the one at its
+    path any more, and makes another. Windows removes no file that is open; it stays there.
+    """
+    if sys.platform == "win32":
+        return
+    with suppress(OSError):
+        file = os.open(path, FLAGS | os.O_RDONLY)
+        try:
+            about = os.fstat(file)
+            own = about.st_uid == os.geteuid() and about.st_nlink == 1
+            if own and stat.S_ISREG(about.st_mode):
+                _take(file)
+                if _is_at(file, path):
+                    path.unlink()
+        finally:
+            os.close(file)
 
 
 def is_held(path: Path) -> bool:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from station.errors import InstrumentError, InstrumentInUse
-from station.files.locks import FileLock, LockHeld
+from station.files.locks import FileLock, LockHeld, remove_if_free
 from station.instruments.addresses import forms_of
 
 PREFIX = "inertial-station"
@@ -121,6 +121,7 @@ class InstrumentLocks:
             lock.release()
         self._held.clear()
         self._addresses.clear()
+        remove_leftovers()
 
     def _take(self, name: str, attempted: str, what: str) -> None:
         place = lock_place(what)
@@ -138,6 +139,12 @@ class InstrumentLocks:
                 "look at who made that file, and remove it",
             ) from error
         self._held[place].say(f"{self._holder}\n")
+
+
+def remove_leftovers() -> None:
+    """Remove the files of locks whose processes were killed."""
+    for place in lock_folder().glob(f"{PREFIX}-*.lock"):
+        remove_if_free(place)
 
 
 def said_by_holder(place: Path) -> str:

@@ -8,6 +8,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from threading import Thread
 from typing import Any
 
 import pytest
+from command_line import PLAN, station
 from guardian_helpers import World, world
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -286,6 +288,81 @@ def test_a_lock_is_free_when_every_process_that_holds_it_is_gone(address: str) -
     second.release()
     with other_process(address) as (said, _):
         assert said == "held"
+
+
+def files_of_locks() -> list[Path]:
+    return sorted(lock_folder().glob("inertial-station-*.lock"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no open file is removed there")
+def test_the_files_of_locks_go_with_the_last_who_holds_them(address: str) -> None:
+    first, second = InstrumentLocks("the run"), InstrumentLocks("its guardian")
+    first.take("coil_supply.x", address)
+    places = [lock_place(form) for form in forms_of(address)]
+    for names, files in first.to_hand_on():
+        second.handed_on(names, [os.dup(file) for file in files])
+    first.release()
+    assert all(place.is_file() for place in places)
+    second.release()
+    assert not any(place.exists() for place in places)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no open file is removed there")
+def test_what_a_killed_process_left_goes_with_the_next_release(address: str, port: int) -> None:
+    with other_process(address) as (said, process):
+        assert said == "held"
+        process.kill()
+        process.wait()
+    left = [lock_place(form) for form in forms_of(address)]
+    assert all(place.is_file() for place in left)
+    with other_process(f"TCPIP::192.0.2.9::{port}::SOCKET"):
+        locks = InstrumentLocks("the next run")
+        locks.take("coil_supply.y", f"TCPIP::192.0.2.8::{port}::SOCKET")
+        locks.release()
+        assert not any(place.exists() for place in left)
+        assert len(files_of_locks()) == 1  # of the one that is held
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no open file is removed there")
+def test_however_many_take_and_release_a_lock_at_once_one_has_it(
+    address: str, tmp_path: Path
+) -> None:
+    taken, wrong = [], []
+    until_s = time.monotonic() + 1.0
+
+    def work(number: int) -> None:
+        while time.monotonic() < until_s:
+            locks = InstrumentLocks(f"run {number}")
+            try:
+                locks.take("coil_supply.x", address)
+            except InstrumentInUse:
+                continue
+            try:
+                (tmp_path / "inside").touch(exist_ok=False)
+                (tmp_path / "inside").unlink()
+                taken.append(number)
+            except FileExistsError:
+                wrong.append(number)
+            locks.release()
+
+    threads = [Thread(target=work, args=(number,)) for number in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+    assert len(set(taken)) > 1
+    assert not any(lock_place(form).exists() for form in forms_of(address))
+
+
+@pytest.mark.campaign
+def test_a_run_of_a_served_bench_and_its_guardian_leave_no_file_of_a_lock(tmp_path: Path) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    with world(tmp_path, 200.0) as served:
+        options = ("--served", str(served.head), "--non-interactive", "--json")
+        done = station(tmp_path, "run", "plan.yaml", *options)
+    assert done.returncode == 0, done.stderr
+    assert files_of_locks() == []
 
 
 @dataclass
