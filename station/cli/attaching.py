@@ -20,7 +20,7 @@ from typing import IO, NoReturn
 from station.cli.analysing import name_unused, print_document
 from station.cli.controlling import abort_run, logs_of
 from station.cli.running import ANNOUNCE, may_ask
-from station.clock import RealClock, boot_seconds, local_time
+from station.clock import RealClock, boot_seconds, local_time, utc_now
 from station.console import span, tell
 from station.control.client import NotRunning, ask, not_running
 from station.control.signals import WISHES
@@ -37,7 +37,6 @@ from station.record.log_tail import LogTail
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.operator import Operator, discard_typed
 from station.runner.progress import Progress, time_of_day
-from station.runner.resuming import real_seconds_since
 
 LOOKS_EVERY_S = 0.2
 """Real time between two looks at the log."""
@@ -269,7 +268,8 @@ class Viewer:
         for event in caught_up:
             self._note(event)
         # The last of them may be long past.
-        self._looked_s -= real_seconds_since(self._folder / EVENTS)
+        written_s = (self._folder / EVENTS).stat().st_mtime
+        self._looked_s -= max(utc_now().timestamp() - written_s, 0.0)
         times = LogTimes(self._folder)
         total_s = sum(self._expected_s.values())
         with Progress(total_s, units=self._units, folder=self._folder) as progress:

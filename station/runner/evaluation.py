@@ -166,13 +166,15 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
         details = event.details
         units = details["units_finished"]
         before = ", ".join(units) or "nothing"
+        backwards = {key: details[key] for key in ("backwards_s",) if key in details}
+        warned = f" {runs_backwards(**backwards)}" if backwards else ""
         if len(units) > MOST_UNITS:
             before = f"{len(units)} units of work, the last {units[-1]}"
         yield Flag(
             "resumed",
             f"The run stopped at {details['stopped_s']:.0f} s of run time and was resumed "
-            f"{span(details['silent_s'])} later; finished by then: {before}.",
-            details={"stopped_s": details["stopped_s"], "gap_s": details["silent_s"]},
+            f"{span(details['silent_s'])} later; finished by then: {before}.{warned}",
+            details={"stopped_s": details["stopped_s"], "gap_s": details["silent_s"], **backwards},
         )
         changed = details["software_changed"]
         if changed:
@@ -195,6 +197,15 @@ def flags_of_missed_time(folder: RunFolder) -> Iterator[Flag]:
             "was stopped, or the computer slept.",
             details={"seconds": [m["seconds"] for m in missed]},
         )
+
+
+def runs_backwards(backwards_s: float) -> str:
+    """Say that the clock on which a run was resumed was behind the log's last event."""
+    return (
+        f"The clock stands {span(backwards_s)} before the run's last event: time runs backwards "
+        "there, and no times before and after it compare; look at this computer's clock, or at the "
+        "clock of the served bench."
+    )
 
 
 def flags_of_guardians(folder: RunFolder) -> Iterator[Flag]:

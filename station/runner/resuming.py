@@ -22,7 +22,7 @@ from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.record.recorded import read_plan_and_bench, used_instruments
-from station.runner.evaluation import evaluate_run, exit_code_of
+from station.runner.evaluation import evaluate_run, exit_code_of, runs_backwards
 from station.runner.execute import (
     DRIVERS,
     SERVED_SINCE,
@@ -33,7 +33,7 @@ from station.runner.execute import (
 )
 from station.runner.operator import Operator
 from station.runner.outcome import Outcome
-from station.runner.preflight import watch_system_clock
+from station.runner.preflight import SMALLEST_JUMP_S, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.run import Past, Run
 from station.runner.session import RESUME, BenchSession
@@ -97,10 +97,14 @@ def resume(request: ResumeRequest) -> Outcome:
         return outcome
     refuse_another_world(folder, facts, request.served)
     stopped_s = folder.events[-1].time_s
-    silent_s = silent_since(folder)
+    silent_s, behind_s = silent_since(folder), real_seconds_until(folder.path / EVENTS)
     began_s = stopped_s if bench.simulation is not None else stopped_s + silent_s
     with BenchSession(bench, plan.procedure, request.served, began_s) as session:
         clock = session.clock
+        backwards_s = round(max(behind_s, stopped_s - clock.now()), 3)
+        backwards: dict[str, Any] = (
+            {"backwards_s": backwards_s} if backwards_s > SMALLEST_JUMP_S else {}
+        )
         operator = Operator(
             clock,
             request.answers,
@@ -128,6 +132,7 @@ def resume(request: ResumeRequest) -> Outcome:
                 stopped_s=stopped_s,
                 gap_s=round(max(clock.now() - stopped_s, 0.0), 3),
                 silent_s=round(silent_s, 3),
+                **backwards,
                 segment=record.segment,
                 units_finished=list(past.finished),
                 software_changed=changed,
@@ -135,6 +140,8 @@ def resume(request: ResumeRequest) -> Outcome:
             add_software(record, facts)
             for line in sentences(record.path, procedure, plan, past, silent_s, changed):
                 progress.say(line)
+            if backwards:
+                progress.say(f"WARNING: {runs_backwards(**backwards)}")
             for part in folder.damage.parts:
                 progress.say(f"WARNING: {sentence_of(part)} {STAYS_OUT}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)} for a whole run")
@@ -244,6 +251,11 @@ def silent_since(folder: RunFolder) -> float:
     before_s = sum(float(event.details.get("silent_s", 0.0)) for event in later)
     written_s = (folder.path / EVENTS).stat().st_mtime
     return before_s + max(utc_now().timestamp() - written_s, 0.0)
+
+
+def real_seconds_until(file: Path) -> float:
+    """Return the real time in s until a file was last written, where the clock was set back."""
+    return max(file.stat().st_mtime - utc_now().timestamp(), 0.0)
 
 
 def software_changes(facts: Mapping[str, Any]) -> dict[str, Any]:

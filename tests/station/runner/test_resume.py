@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
@@ -16,9 +17,10 @@ from typing import Any
 
 import pytest
 import yaml
-from campaign_helpers import shipped, short_plan
+from campaign_helpers import only_run, shipped, short_plan
 from campaigns.kills import raw_hashes, results_of, what_is_wrong
-from command_line import station_command
+from command_line import begun, station, station_command
+from guardian_helpers import until, world
 from limited_files import limited
 
 from station import registry
@@ -123,6 +125,49 @@ def test_after_an_instruments_fault(interrupted: Path, reference: Path, tmp_path
         name: one["segment"] for name, one in RunFolder(interrupted).finished_units().items()
     }
     assert segments == {"warm-up": 1, "IA": 0, "NA": 1}
+
+
+def resumed_flag(document: dict[str, Any]) -> dict[str, Any]:
+    (flag,) = (flag for flag in document["flags"] if flag["code"] == "resumed")
+    return dict(flag)
+
+
+def test_a_computer_whose_clock_was_set_back_is_flagged(interrupted: Path, tmp_path: Path) -> None:
+    ahead_s = time.time() + 3600.0
+    os.utime(interrupted / EVENTS, (ahead_s, ahead_s))
+    outcome = go_on(interrupted, bench_at(tmp_path))
+    assert outcome.document is not None
+    flag = resumed_flag(outcome.document.to_data())
+    assert 3500.0 < flag["backwards_s"] <= 3600.0
+    assert "time runs backwards there" in flag["message"]
+
+
+def test_a_resume_on_the_same_clock_is_no_step_backwards(
+    interrupted: Path, tmp_path: Path
+) -> None:
+    outcome = go_on(interrupted, bench_at(tmp_path))
+    assert outcome.document is not None
+    assert "backwards_s" not in resumed_flag(outcome.document.to_data())
+
+
+@pytest.mark.campaign
+def test_a_bench_that_is_served_anew_has_a_younger_clock_and_is_flagged(tmp_path: Path) -> None:
+    plan_file = short_plan(tmp_path / "plan", axes=["IA"])
+    options = ("--non-interactive", "--json", "--served")
+    with world(tmp_path, 200.0) as served:
+        command = ("run", str(plan_file), *options, str(served.head))
+        process = begun(tmp_path, *command)
+        until(lambda: only_run(tmp_path / "runs") is not None)
+        run = only_run(tmp_path / "runs")
+        assert run is not None
+        until(lambda: "step-started" in (run / EVENTS).read_text(encoding="utf-8"))
+        station(tmp_path, "abort", str(run))
+        process.communicate()
+    with world(tmp_path, 20.0) as served:
+        done = station(tmp_path, "resume", str(run), *options, str(served.head))
+    assert done.returncode == 0, done.stderr
+    assert "WARNING: The clock stands" in done.stderr
+    assert resumed_flag(json.loads(done.stdout))["backwards_s"] > 1.0
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to itself there")
