@@ -21,6 +21,8 @@ from station.cli.options import (
     Kind,
     NewestRun,
     NonInteractive,
+    Output,
+    OutputOfAnalysis,
     Overrides,
     PlanName,
     Procedure,
@@ -84,7 +86,7 @@ def run(
     non_interactive: NonInteractive = False,
     answers: Answers = None,
     served: Served = None,
-    output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
+    output: Output = Path("runs"),
     set_: Overrides = None,
     serial: Annotated[
         str | None, typer.Option(help="Serial number of the device, in place of the plan's.")
@@ -137,7 +139,7 @@ def commission(
     bench: Annotated[str, typer.Argument(help="Bench file: a path, or a name in config/benches.")],
     non_interactive: NonInteractive = False,
     answers: Answers = None,
-    output: Annotated[Path, typer.Option(help="Parent of the run folder.")] = Path("runs"),
+    output: Output = Path("runs"),
     check: Annotated[bool, typer.Option("--check", help="Short form: what has drifted.")] = False,
     set_: Overrides = None,
     trace: Traced = False,
@@ -199,9 +201,7 @@ def analyse(
             autocompletion=complete_run,
         ),
     ],
-    output: Annotated[
-        Path | None, typer.Option(help="Folder for results.json and report.html.")
-    ] = None,
+    output: OutputOfAnalysis = None,
     compare: Annotated[
         bool, typer.Option("--compare", help="Print the largest difference from stored results.")
     ] = False,

@@ -12,6 +12,7 @@ from station.cli.options import (
     MOUNTED,
     Json,
     Letterhead,
+    Output,
     Paper,
     Procedure,
     ReportFormat,
@@ -43,7 +44,7 @@ def sim(
 def panel(
     host: Annotated[str, typer.Option(help="Address to listen at.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen at.")] = 8642,
-    output: Annotated[Path, typer.Option(help="Parent of the run folders.")] = Path("runs"),
+    output: Output = Path("runs"),
     tokens: Annotated[
         Path | None,
         typer.Option(help="YAML file: `operator: TOKEN`, `engineer: TOKEN`.", dir_okay=False),
@@ -95,7 +96,7 @@ def history(
         bool, typer.Option("--rebuild", help="Read every run folder again first.")
     ] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write plots.")] = None,
-    output: Annotated[Path, typer.Option(help="Parent of the run folders.")] = Path("runs"),
+    output: Output = Path("runs"),
     json: Json = False,
 ) -> None:
     """Show results of past runs over time."""

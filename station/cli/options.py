@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from station.errors import InputError
 
 
 def named_run(value: Path | None) -> Path | None:
@@ -43,6 +46,23 @@ def complete_bench(typed: str) -> list[str]:
     from station.files.lookup import BENCHES, available
 
     return [name for name, _ in available(BENCHES) if name.startswith(typed)]
+
+
+def writable_name(value: Path | None) -> Path | None:
+    """Return a folder to write into; raises InputError where its path is no UTF-8.
+
+    Run folders name themselves in their files, which are UTF-8.
+    """
+    if value is not None:
+        path = os.fsencode(value.absolute())
+        try:
+            path.decode()
+        except UnicodeDecodeError as error:
+            shown = path.decode(errors="backslashreplace")
+            raise InputError(
+                f"--output: the path {shown} is no UTF-8; name another folder, or rename it"
+            ) from error
+    return value
 
 
 Json = Annotated[
@@ -87,6 +107,15 @@ PlanName = Annotated[
 ]
 Rehearsed = Annotated[
     bool, typer.Option("--rehearse", help="On a simulated bench, ask what a real one would ask.")
+]
+Output = Annotated[
+    Path, typer.Option("--output", help="Parent of the run folder.", callback=writable_name)
+]
+OutputOfAnalysis = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", help="Folder for results.json and report.html.", callback=writable_name
+    ),
 ]
 Detached = Annotated[
     bool, typer.Option("--detach", help="Run without this terminal; `station attach` shows it.")

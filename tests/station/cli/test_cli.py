@@ -66,6 +66,18 @@ def test_serial_number_and_operator_of_the_command_line_are_in_the_record(tmp_pa
     assert "dut.serial" in refused.stderr
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="file names of bytes")
+@pytest.mark.parametrize("verb", [["run", "plan.yaml"], ["analyse", "."], ["history"]])
+def test_an_output_that_is_no_utf_8_is_refused_in_a_sentence(
+    tmp_path: Path, verb: list[str]
+) -> None:
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, *verb, "--output", os.fsdecode(b"out\xff"), "--json", CI="true")
+    assert done.returncode == 2
+    assert "out\\xff is no UTF-8; name another folder" in json.loads(done.stdout)["error"]
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.yaml"]
+
+
 def test_no_colour_codes_leave_the_program(finished: tuple[Path, dict[str, Any], str]) -> None:
     assert "\x1b" not in finished[2]
 

@@ -142,9 +142,7 @@ def test_a_computer_whose_clock_was_set_back_is_flagged(interrupted: Path, tmp_p
     assert "time runs backwards there" in flag["message"]
 
 
-def test_a_resume_on_the_same_clock_is_no_step_backwards(
-    interrupted: Path, tmp_path: Path
-) -> None:
+def test_a_resume_on_the_same_clock_is_no_step_backwards(interrupted: Path, tmp_path: Path) -> None:
     outcome = go_on(interrupted, bench_at(tmp_path))
     assert outcome.document is not None
     assert "backwards_s" not in resumed_flag(outcome.document.to_data())
