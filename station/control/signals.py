@@ -5,8 +5,8 @@ from __future__ import annotations
 import _thread
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from threading import main_thread
+from contextlib import contextmanager, suppress
+from threading import Event, Thread, main_thread
 from types import FrameType
 from typing import Any
 
@@ -16,6 +16,7 @@ from station.errors import Aborted
 from station.safety.safe_state import Hurry
 
 HANG_UP = "SIGHUP"
+SENT_AGAIN_EVERY_S = 0.2
 WISHES = {
     "SIGINT": "Ctrl-C",
     "SIGTERM": "a request of the system to end (SIGTERM)",
@@ -36,29 +37,45 @@ def wishes_end_a_prompt(clock: Clock, prompt_id: str) -> Iterator[None]:
     Nothing is held while a person is asked: no wish, no interlock's trip, no folder that is gone.
     """
 
+    taken = Event()
+
     def heard(number: int, frame: FrameType | None) -> None:
-        cause = WISHES[signal.Signals(number).name]
-        raise clock.interruption or ended_by(f"{cause} at the prompt {prompt_id}")
+        if not taken.is_set():
+            taken.set()
+            cause = WISHES[signal.Signals(number).name]
+            raise clock.interruption or ended_by(f"{cause} at the prompt {prompt_id}")
 
     before = {number: signal.signal(number, heard) for number in wishes()}
-    clock.ends_prompt = end_prompt
+    clock.ends_prompt = lambda: end_prompt(taken)
     try:
         if clock.interruption is not None:
             raise clock.interruption
         yield
     finally:
         clock.ends_prompt = None
+        taken.set()
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def end_prompt() -> None:
-    """Wake the main thread from a read of the terminal, as Ctrl-C does."""
+def end_prompt(taken: Event) -> None:
+    """Wake the main thread from a read of the terminal, as Ctrl-C does, until that is `taken`.
+
+    A signal that comes right before the read begins wakes nobody: it is sent again.
+    """
     ident, known = main_thread().ident, wishes()
-    if ident is not None and known and hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(ident, known[0])
-    else:  # heard when the read ends: Windows wakes it for a key only
-        _thread.interrupt_main()
+    if ident is None or not known or not hasattr(signal, "pthread_kill"):
+        _thread.interrupt_main()  # heard when the read ends: Windows wakes it for a key only
+        return
+    number = known[0]
+
+    def again() -> None:
+        while not taken.wait(SENT_AGAIN_EVERY_S):
+            signal.pthread_kill(ident, number)
+
+    signal.pthread_kill(ident, number)
+    with suppress(RuntimeError):  # no memory for a thread: once, then
+        Thread(target=again, name="ends the prompt", daemon=True).start()
 
 
 @contextmanager
