@@ -226,3 +226,8 @@ def span(seconds: float) -> str:
     if whole < 3600:
         return f"{whole // 60} min {whole % 60:02d} s"
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def no_older(age_s: float) -> str:
+    """Return the age of the oldest of several readings in words."""
+    return f"no reading older than {max(age_s, 0.1):.1f} s"

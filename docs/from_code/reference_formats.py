@@ -192,7 +192,8 @@ RUN_EVENTS = {
     "safe-state": "how each instrument came to rest, and whether that was read back; `outside` "
     "and `left_out` as before the run, `witnesses` what a second instrument said, `oldest_s` the "
     "age of the oldest reading then",
-    "on-again": "what was switched off was on again at the last look, or a witness said so",
+    "at-rest-again": "at the last look an instrument was on again, did not answer, or a witness "
+    "contradicted it: it was brought to rest once more",
     "time-missed": "the run's process did not run for so many seconds; `at_s` says until when",
     "sleep-allowed": "the computer may go to sleep during the run, and why it could not be asked",
     "guardian-lost": "a guardian ended or stood still while the run went on; `at_s` says when",

@@ -29,7 +29,13 @@ from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, 
 from station.files.locks import is_held
 from station.method.prompts import Asking, Prompt
 from station.record.careful_reading import read_json
-from station.record.events import LEFT_FOR_THE_END, RESUMED, latest_left_out, whole_bench
+from station.record.events import (
+    LEFT_FOR_THE_END,
+    RESUMED,
+    latest_age,
+    latest_left_out,
+    whole_bench,
+)
 from station.record.events import Event as LogEvent
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import EVENTS, LOCK, RUN
@@ -173,12 +179,20 @@ def end(folder: Path, by: str) -> int:
     Each further Ctrl-C only cuts short the waits of making its bench safe.
     """
     tell("\nthe run is being ended; its bench is made safe")
+    again = False
     while True:
         try:
+            if again and not is_held(folder / LOCK):
+                return how_it_ended(folder, "")
             abort_run(folder, ABORT_WITHIN_S, as_json=False, by=by)
             break
         except KeyboardInterrupt:
+            again = True
             tell("\nthe bench is being made safe; that is never skipped, its waits are cut short")
+        except InputError:  # it ended between two wishes
+            if not again:
+                raise
+            return how_it_ended(folder, "")
     tell(f"to go on where it stopped: station resume {quote(str(folder))}")
     return EXIT_ABORTED
 
@@ -187,7 +201,8 @@ def how_it_ended(folder: Path, failure: str) -> int:
     """Say how a run that is over has ended, and return its exit code."""
     status = read_status(folder)
     if status.bench_safe:
-        tell(whole_bench(latest_left_out(*logs_of(folder))))
+        logs = logs_of(folder)
+        tell(whole_bench(latest_left_out(*logs), latest_age(*logs)))
     if status.state == "finished" and (folder / RESULTS).is_file():
         if not status.bench_safe:
             tell("NOT VERIFIED: go to the bench and look at it now")
@@ -198,12 +213,13 @@ def how_it_ended(folder: Path, failure: str) -> int:
         print(f"report: {folder / REPORT}")
         ask_what_was_left(folder)
         return exit_code_of(document)
+    failed = [event for event in LogTail(folder).new_events() if event.kind == "failed"]
+    failure = failure or (str(failed[-1].details["message"]) if failed else "")
     again = f"`station resume {quote(str(folder))}` resumes it"
     tell(f"the run did not finish: {failure}; {again}" if failure else not_running(folder))
     if not status.bench_safe:
         tell(f"NOT VERIFIED: go to the bench and look at it now; last heard: {status.message}")
         return EXIT_FAULT
-    failed = [event for event in LogTail(folder).new_events() if event.kind == "failed"]
     code = int(failed[-1].details["exit_code"]) if failed else EXIT_FAULT
     if code == EXIT_INTERLOCK:
         tell("first `station acknowledge` the bench")

@@ -29,6 +29,7 @@ from station.guardian.notes import AtWork, guardian_at_work
 from station.record.events import (
     Event,
     guardian_events,
+    latest_age,
     latest_left_out,
     latest_safe_state,
     read_events,
@@ -267,7 +268,7 @@ def say_how_it_ended(
         print(f"{name:<20}{outcome['read_back'].removeprefix(name + ': ')}")
     if safe:
         used = "every instrument that the run used was read back as safe, others were not read yet"
-        print(whole_bench(left_out) if ended else used)
+        print(whole_bench(left_out, latest_age(*logs_of(run))) if ended else used)
     elif outcomes is None:
         tell(
             "NOT VERIFIED: how the bench was left is unknown; go to it now, and switch off by hand "

@@ -116,7 +116,7 @@ def trusted_keys(file: Path | None, bench: str | None) -> Trusted | None:
         if not is_there(file):
             raise InputError(f"there is no file {file} of trusted keys")
         try:
-            text = file.read_text(encoding="utf-8")
+            text = file.read_text(encoding="utf-8-sig")
         except (OSError, ValueError) as error:
             raise InputError(f"cannot read the trusted keys {file}: {error}") from error
         keys |= read_trusted(text, str(file))
@@ -180,6 +180,8 @@ def since_head(state: FolderState, head: str) -> tuple[Event, ...] | None:
     A head is the SHA-256 of a line of the log, or its first digits; or that of a manifest.
     """
     head = head.strip().lower()
+    if len(head) < SHOWN:
+        raise InputError(f"--head {head}: give {SHOWN} digits of the head, or all 64")
     fitting = {line for line in state.heads if len(head) >= SHOWN and line.startswith(head)}
     try:
         states = States(state.path, RunFolder(state.path).events, state.heads)
@@ -237,7 +239,7 @@ def make_key(path: Path) -> None:
 def sign_run(folder: Path, key: Path, signer: str) -> int:
     """Sign a run folder that is unchanged; return 1, unsigned, where it is not."""
     verified = verified_run(folder)
-    if verified.changed and not verified.state.no_manifest:
+    if verified.changed:
         print("\n".join(map(printable, [*lines(verified), "not signed"])))
         return EXIT_OUTSIDE_LIMIT
     signature = sign(folder, key, signer, utc_now())

@@ -28,7 +28,7 @@ from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Probe, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
-from station.record.events import BENCH_READ, LEFT, ON_AGAIN, SAFE_STATE, whole_bench
+from station.record.events import AT_REST_AGAIN, BENCH_READ, LEFT, SAFE_STATE, whole_bench
 from station.roles.base import MadeSafe
 from station.safety.acknowledgement import WITNESS, remember
 from station.safety.safe_state import ATTEMPTS, Hurry, SafeOutcome, make_bench_safe
@@ -176,7 +176,7 @@ class MakeSafe:
         """Open everything once more and look; what cannot be opened is not verified."""
         self._allow(len(outcomes))
         names = [name for name, outcome in outcomes.items() if is_verified(outcome)]
-        witnesses = [sighting.instrument for sighting in self._sightings if sighting.change]
+        witnesses = [sighting.instrument for sighting in self._sightings if sighting.expected]
         probes = self._reopening.open([*names, *(w for w in witnesses if w not in names)])
         opened = {
             name: probe.identified.instrument
@@ -204,7 +204,7 @@ class MakeSafe:
             with suppress(Exception):  # a line that is gone keeps no other from being closed
                 instrument.close()
         for words in look.again:
-            notes.note(ON_AGAIN, message=words)
+            notes.note(AT_REST_AGAIN, message=words)
         if doubted := [outcome for outcome in look.used if outcome.doubted]:
             self._refuse_bench("; ".join(f"{o.instrument}: {o.read_back}" for o in doubted), probes)
         return look

@@ -7,15 +7,17 @@ the witnesses, and brings to rest once more what is on again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from station.clock import Clock, RealClock, utc_now
+from station.console import no_older
 from station.errors import reason_of
 from station.instruments.whole_bench import WITHIN_S, BenchReading, at_once
 from station.roles.base import MadeSafe
-from station.safety.safe_state import Hurried, Hurry, SafeOutcome, make_bench_safe
+from station.safety.safe_state import Hurried, Hurry, SafeOutcome, make_bench_safe, unhurried
 from station.safety.witness import WitnessReport, contradicted
 
 SETTLES_S = 4.0
@@ -52,8 +54,7 @@ class LastLook:
     @property
     def when(self) -> str:
         """When everything was read, for a person: time of the look, age of its oldest reading."""
-        age_s = max(self.oldest_s, 0.1)
-        return f" (at {self.utc[11:19]} UTC, no reading older than {age_s:.1f} s)"
+        return f" (at {self.utc[11:19]} UTC, {no_older(self.oldest_s)})"
 
     @property
     def used(self) -> list[SafeOutcome]:
@@ -95,7 +96,7 @@ def look_last(
         }
         if not wrong:
             break
-        again += [f"{name}: {words}" for name, words in wrong.items()]
+        again += [f"{name}: {words.removeprefix(f'{name}: ')}" for name, words in wrong.items()]
         if times_left:
             once_more = {name: instruments[name] for name in wrong}
             made_safe = make_bench_safe(once_more, order, clock, hurry)
@@ -139,24 +140,23 @@ def read_now(
     def read(name: str) -> SafeOutcome:
         instrument = instruments[name]
         assert isinstance(instrument, MadeSafe)
-        while True:
-            try:
-                reading = instrument.read_safety()
-                now_s = clock.now()
-                words = reading.read_back
-                safe = reading.safe
-            except Hurried:  # comes once; a reading is short, and is not left out
-                continue
-            except Exception as error:  # whatever it is, the others are still read
-                now_s, words, safe = clock.now(), reason_of(error), False
-            return replace(known[name], verified=safe, read_back=words, read_s=now_s)
+        try:
+            reading = unhurried(instrument.read_safety)
+        except Exception as error:  # whatever it is, the others are still read
+            why = reason_of(error)
+            return replace(known[name], verified=False, read_back=why, read_s=math.nan)
+        now_s = clock.now()
+        return replace(
+            known[name], verified=reading.safe, read_back=reading.read_back, read_s=now_s
+        )
 
     if not isinstance(clock, RealClock):
         return {name: read(name) for name in instruments}
     readings = at_once([[name] for name in instruments], read, RealClock())
     silent = f"it did not answer within {WITHIN_S:g} s"
     return {
-        name: readings.get(name) or replace(known[name], verified=False, read_back=silent)
+        name: readings.get(name)
+        or replace(known[name], verified=False, read_back=silent, read_s=math.nan)
         for name in instruments
     }
 
@@ -166,6 +166,8 @@ def named(outcome: SafeOutcome, against: str) -> SafeOutcome:
     if outcome.verified:
         words = f"it reads back {outcome.read_back}, but {against}"
         return replace(outcome, verified=False, doubted=True, read_back=words)
+    if math.isnan(outcome.read_s):  # it does not answer any more
+        return outcome
     return replace(outcome, read_back=f"on again after it was switched off: {outcome.read_back}")
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from station.console import no_older
 from station.errors import DamagedRecord
 from station.record.files import AppendOnlyFile
 from station.record.layout import GUARDIAN_LOG
@@ -173,8 +174,8 @@ SAFE_STATE = "safe-state"
 BENCH_READ = "bench-read"
 TIME_MISSED = "time-missed"
 """The run's process, and whoever watches it, did not run for a while."""
-ON_AGAIN = "on-again"
-"""What was switched off was on again at the last look, or a witness said so."""
+AT_REST_AGAIN = "at-rest-again"
+"""At the last look an instrument was on again, did not answer, or a witness contradicted it."""
 LEFT = "left"
 """A person ended a guardian that went on trying."""
 
@@ -214,6 +215,13 @@ def latest_left_out(
     latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
     kinds_seen = [details["left_out"] for details in latest if "left_out" in details]
     return list(kinds_seen[-1]) if kinds_seen else []
+
+
+def latest_age(run_events: Sequence[Event], of_guardian: Sequence[Event]) -> str:
+    """Return how old the oldest reading was when a run looked at its bench last, for a person."""
+    latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
+    ages = [float(details["oldest_s"]) for details in latest if "oldest_s" in details]
+    return f" ({no_older(ages[-1])})" if ages else ""
 
 
 def whole_bench(left_out: Iterable[Mapping[str, str]], when: str = "") -> str:

@@ -21,7 +21,6 @@ from station.record.layout import (
     GUARDIAN_LOG,
     MANIFEST,
     REVISIONS,
-    RUN,
     covered_files,
     file_hash,
     hashes_of_files,
@@ -32,8 +31,6 @@ from station.record.layout import (
 OWN_REVISION = "000"
 GROWS_STILL = (EVENTS, GUARDIAN_LOG)
 """What the log holds no SHA-256 of: both have chains of their own, and a guardian may go on."""
-DIFFER_BY_EXECUTION = (*GROWS_STILL, RUN, "report.html")
-"""What the run's own log holds none of: the same plan on one simulated bench gives one log."""
 
 
 class NotRecorded(RecordError):
@@ -77,8 +74,8 @@ def record_later(
 def seal(folder: Path) -> None:
     """Append the revisions that the log does not name yet, and write the manifest.
 
-    For the process of the run, which has the lock. What is said of the run's own revision does not
-    differ from one execution to the next.
+    For the process of the run, which has the lock. The line of the run's own revision holds the
+    SHA-256 of every file: it alone differs from one execution of a plan to the next.
     """
     files = hashes_of_files(folder)
     named = named_revisions(tuple(read_events(folder / EVENTS)))
@@ -87,12 +84,10 @@ def seal(folder: Path) -> None:
         for number, manifest in revision_hashes(folder).items():
             if number in named:
                 continue
-            details: dict[str, Any] = {"revision": number}
+            details: dict[str, Any] = {"revision": number, "revisions": {number: manifest}}
             if number == OWN_REVISION:
-                kept = {name: sha for name, sha in files.items() if name not in DIFFER_BY_EXECUTION}
+                kept = {name: sha for name, sha in files.items() if name not in GROWS_STILL}
                 details["files"] = kept
-            else:  # made while the run went on
-                details["revisions"] = {number: manifest}
             log.append(log.last_s, REVISED, details, durable=True)
     finally:
         log.close()

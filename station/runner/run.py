@@ -98,7 +98,7 @@ class Run:
         self.readings = Readings(clock)
         """What drivers published last, and what they noted."""
         self.live = LiveBoard(clock, self.readings)
-        self.witnesses = Witnesses()
+        self.witnesses = Witnesses(clock)
         """What second instruments see of the sources that are driven."""
         command = bench.file.notify.command if bench.file.notify else ()
         self.notices = Notices(command, record.path, bench.name, plan.dut.serial)

@@ -20,7 +20,7 @@ from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Identified, open_instruments, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
-from station.record.events import ON_AGAIN, SAFE_STATE, TIME_MISSED
+from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
@@ -30,7 +30,7 @@ from station.runner.watchers import FolderWatch, StayingAwake, Stillness
 from station.safety.acknowledgement import WITNESS, refuse_identified, remember
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
-from station.safety.safe_state import SafeOutcome, make_bench_safe
+from station.safety.safe_state import SafeOutcome, make_bench_safe, unhurried
 
 if TYPE_CHECKING:
     from station.method.prompts import Prompt
@@ -157,7 +157,7 @@ class StepRunner:
         run.log_notes()
         self._remember_trip()
         for words in look.again:
-            run.record.note(ON_AGAIN, message=words)
+            run.record.note(AT_REST_AGAIN, message=words)
         run.record.note(SAFE_STATE, **look.to_data())
         if doubted := outcome.doubted:
             words = "; ".join(f"{reading.instrument}: {reading.read_back}" for reading in doubted)
@@ -280,7 +280,7 @@ class StepRunner:
         devices = run.instruments.values()
         harmful = [device for device in devices if isinstance(device, MadeSafe)]
         with run.clock.allow(READS_THE_REST_WITHIN_S):
-            put_settings_back(harmful)
+            unhurried(lambda: put_settings_back(harmful))
             look = look_last(
                 run.instruments,
                 outcomes,
@@ -288,11 +288,10 @@ class StepRunner:
                 run.clock,
                 signals.hurry,
                 lambda only: self._bystanders.read(run.instruments, only=only),
-                lambda: run.witnesses.testify(run.clock),
+                run.witnesses.testify,
             )
-            put_settings_back(
-                device for device in run.instruments.values() if device not in harmful
-            )
+            others = [device for device in devices if device not in harmful]
+            unhurried(lambda: put_settings_back(others))
         outcome.take(look)
         if run.control is not None:
             run.control.made_safe(look.used)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from station.clock import Clock
 from station.roles.base import MadeSafe
 
+Result = TypeVar("Result")
 DEFAULT_WITHIN_S = 60.0
 HURRIED_WITHIN_S = 5.0
 ATTEMPTS = 2
@@ -31,6 +32,15 @@ class Hurry:
         if not self.asked:
             self.asked = True
             self._clock.interrupt(Hurried())
+
+
+def unhurried(act: Callable[[], Result]) -> Result:
+    """Do something short to its end, though somebody is in a hurry: that is said once."""
+    while True:
+        try:
+            return act()
+        except Hurried:
+            continue
 
 
 def can_harm(driver: object) -> bool:

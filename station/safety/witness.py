@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from station.errors import InstrumentError
 from station.roles.role import Witness, role, role_of
+from station.safety.safe_state import Hurried, unhurried
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,13 +44,15 @@ NOT_SEEN = "it saw no change of what was driven"
 @dataclass
 class Sighting:
     """What a witness saw, in `unit`: `before` anything was energised, by component, NaN what it
-    does not see; the largest change that was `expected` of each source that was driven, and that
-    was seen of it; and why it cannot speak of the others.
+    does not see; whether two readings then differed (`varies`); the largest change that was
+    `expected` of each source that was driven, and that was seen of it; and why it cannot speak of
+    the others.
     """
 
     instrument: str
     unit: str
     before: list[float]
+    varies: bool = False
     expected: dict[str, float] = field(default_factory=dict)
     change: dict[str, float] = field(default_factory=dict)
     lost: dict[str, str] = field(default_factory=dict)
@@ -92,23 +96,45 @@ def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> Witnes
         return WitnessReport(name, (), None, f"not asked: {NOT_DRIVEN}")
     if instrument is None:
         return WitnessReport(name, sources, None, "not asked: it cannot be reached")
-    left = []
     try:
-        for look in range(LOOKS):
-            if look:
-                clock.sleep(LOOKS_EVERY_S)
-            left.append(distance(read_now(name, instrument), sighting.before))
+        looks = several_looks(name, instrument, clock, LOOKS)
     except InstrumentError as error:
         return WitnessReport(name, sources, None, f"not asked: {error}")
+    left = [distance(look, sighting.before) for look in looks]
     if any(map(math.isnan, left)):
         return WitnessReport(name, sources, None, "not asked: it measures along another axis now")
     most = max(left)
+    if sighting.varies and stand_still(looks) and most > 0.0:
+        return WitnessReport(name, sources, None, "not asked: its readings stand still")
     if not sighting.change:
         return _of_unseen(sighting, sources, most)
     largest = max(sighting.change.values())
-    words = f"{most:.3g} {unit} are left of a change of {largest:.3g} {unit}"
+    words = f"{amount(most, unit)} are left of a change of {largest:.3g} {unit}"
     agrees = most <= LARGEST_LEFT * largest
-    return WitnessReport(name, sources, agrees, words, agrees and most > AMBIENT_LEFT * largest)
+    ambient = agrees and most > AMBIENT_LEFT * largest
+    if lost := {source: why for source, why in sighting.lost.items() if source not in sources}:
+        words += f"; not asked of {', '.join(lost)}: {'; '.join(dict.fromkeys(lost.values()))}"
+    return WitnessReport(name, sources, agrees, words, ambient)
+
+
+def amount(value: float, unit: str) -> str:
+    """Return what is left in words: beyond the range of an instrument there is no number."""
+    return f"more than its range in {unit}" if math.isinf(value) else f"{value:.3g} {unit}"
+
+
+def several_looks(name: str, instrument: object, clock: Clock, looks: int) -> list[list[float]]:
+    """Return the components that a witness sees, several times in turn; raises InstrumentError."""
+    seen = [unhurried(lambda: read_now(name, instrument))]
+    for _ in range(looks - 1):
+        with suppress(Hurried):  # comes once, and shortens this pause alone
+            clock.sleep(LOOKS_EVERY_S)
+        seen.append(unhurried(lambda: read_now(name, instrument)))
+    return seen
+
+
+def stand_still(looks: Sequence[Sequence[float]]) -> bool:
+    """Whether all looks gave the same to the last digit."""
+    return len({tuple(map(repr, look)) for look in looks}) == 1
 
 
 def _of_unseen(sighting: Sighting, sources: Sequence[str], most: float) -> WitnessReport:
@@ -122,7 +148,7 @@ def _of_unseen(sighting: Sighting, sources: Sequence[str], most: float) -> Witne
     )
     if most > least:
         return WitnessReport(
-            name, sources, False, f"it is {most:.3g} {unit} off what it was before"
+            name, sources, False, f"it is {amount(most, unit)} off what it was before"
         )
     reasons = "; ".join(dict.fromkeys(sighting.lost.values()))
     return WitnessReport(name, (), None, f"not asked: {reasons or NOT_SEEN}")
@@ -154,7 +180,8 @@ class Witnesses:
     Those who are informed get the sightings as plain data whenever they changed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
         self.sightings: dict[str, Sighting] = {}
         self._instruments: dict[str, object] = {}
         self._driven: dict[str, Mapping[str, float]] = {}
@@ -239,19 +266,19 @@ class Witnesses:
                 if change > GROWN * self._sent.get((sighting.instrument, source), 0.0):
                     self._inform()
 
-    def testify(self, clock: Clock) -> list[WitnessReport]:
+    def testify(self) -> list[WitnessReport]:
         """Ask every witness now, when all is to be off."""
         return [
-            judge(sighting, self._instruments.get(name), clock)
+            judge(sighting, self._instruments.get(name), self._clock)
             for name, sighting in self.sightings.items()
         ]
 
     def _read_before(self, name: str) -> None:
         witness = witness_of(name)
         assert witness is not None
-        before = read_now(name, self._instruments[name])
-        known = self.sightings.setdefault(name, Sighting(name, witness.unit, before))
-        known.before = before
+        looks = several_looks(name, self._instruments[name], self._clock, 2)
+        known = self.sightings.setdefault(name, Sighting(name, witness.unit, looks[-1]))
+        known.before, known.varies = looks[-1], not stand_still(looks)
         known.expected.clear()
         self._inform()
 

@@ -80,10 +80,17 @@ def finished_run(parent: Path, axes: list[str]) -> Path:
 
 
 def file_hashes(folder: Path, *more: str) -> dict[str, str]:
-    """Return the SHA-256 of the raw files, the log, and more files of a run folder."""
-    names = [*sorted((folder / "raw").iterdir()), folder / "events.jsonl"]
-    names += [folder / name for name in more]
-    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in names}
+    """Return the SHA-256 of the raw files, the log, and more files of a run folder.
+
+    The line that names the run's own revision is left out: it lists all files, and so the time.
+    """
+    names = [*sorted((folder / "raw").iterdir()), *(folder / name for name in more)]
+    log = (folder / "events.jsonl").read_bytes().splitlines(keepends=True)
+    own = b"".join(line for line in log if b'"event": "revision-written"' not in line)
+    return {
+        "events.jsonl": hashlib.sha256(own).hexdigest(),
+        **{file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in names},
+    }
 
 
 def whole_events(folder: Path) -> list[dict[str, Any]]:

@@ -60,7 +60,7 @@ def main(served: Path, parent: Path, frequency_Hz: float, amplitude_A: float, *c
     for name, one in found.items():
         record.event("identified", instrument=name, **vars(one.identity))
     guardian.watch([*coils, "gaussmeter"], locks)
-    witnesses, meter = Witnesses(), cast("Any", found[GAUSSMETER].instrument)
+    witnesses, meter = Witnesses(clock), cast("Any", found[GAUSSMETER].instrument)
     if witness:
         witnesses.open({GAUSSMETER: meter})
         witnesses.informs(guardian.sees)

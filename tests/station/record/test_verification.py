@@ -447,8 +447,10 @@ def test_any_head_of_the_chain_counts_and_what_came_after_is_listed(
         assert "2 events since that head" in printed
         assert "revision 001 was written" in printed
     assert verify_runs([run], as_json=True, head=verify(run).heads[0]) == 0
-    for unknown in ("", head[:15], "f" * 64):
-        assert verify_runs([run], as_json=False, head=unknown) == EXIT_OUTSIDE_LIMIT
+    assert verify_runs([run], as_json=False, head="f" * 64) == EXIT_OUTSIDE_LIMIT
+    for short in ("", head[:15]):
+        with pytest.raises(InputError, match="give 16 digits"):
+            verify_runs([run], as_json=False, head=short)
     as_of_before(run)  # the tail is cut off with what it names: only who has the head finds it
     shutil.rmtree(run / "signatures")
     assert verify_runs([run], as_json=False, head=head) == EXIT_OUTSIDE_LIMIT
@@ -549,6 +551,24 @@ def test_a_key_that_is_none_is_refused_and_no_key_is_overwritten(run: Path, key:
     key.write_text("no key", encoding="utf-8")
     with pytest.raises(InputError, match="cannot read the key"):
         sign_run(run, key, "A")
+
+
+@pytest.mark.parametrize("place", ["", "revisions/000"])
+@pytest.mark.parametrize("name", ["run.json", "report.html", "results.json"])
+def test_what_an_execution_alone_has_is_held_against_the_log_too(
+    name: str, place: str, run: Path
+) -> None:
+    file = run / place / name
+    if not file.is_file():
+        return
+    file.write_bytes(file.read_bytes().replace(b"20", b"19"))
+    write_manifest(file.parent)
+    if place:
+        write_manifest(run)
+    assert verify(run).changed
+
+
+def test_a_run_without_its_manifest_is_not_signed(run: Path, tmp_path: Path) -> None:
+    new_key(tmp_path / "lab.pem")
     (run / MANIFEST).unlink()
-    with pytest.raises(InputError, match="sign a run once it has ended"):
-        sign_run(run, key, "A")
+    assert sign_run(run, tmp_path / "lab.pem", "A") == 1

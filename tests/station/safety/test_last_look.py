@@ -16,18 +16,20 @@ import pytest
 from faulted_runs import Entry, is_safe, run_with
 from tiers import quick
 
-from station.clock import VirtualClock
+from station.clock import RealClock
 from station.errors import InstrumentError, NotAcknowledged
-from station.record.events import ON_AGAIN, Event
+from station.record.events import AT_REST_AGAIN, Event
 from station.record.folder import RunFolder
 from station.roles import GAUSSMETER as ROLE
 from station.runner.evaluation import flags_of_missed_time
 from station.runner.outcome import Outcome
 from station.safety.acknowledgement import acknowledge, refuse_until_acknowledged
+from station.safety.safe_state import Hurry
 from station.safety.witness import Sighting, Witnesses, WitnessReport, judge
 
 SUPPLY, METER = "coil_supply.y", "gaussmeter"
 BEFORE_MT = (0.02, -0.004, -0.043)
+CLOCK = RealClock(1000.0)
 
 
 def entry(fault: str, **options: Any) -> Entry:
@@ -35,7 +37,7 @@ def entry(fault: str, **options: Any) -> Entry:
 
 
 def on_again(outcome: Outcome) -> list[str]:
-    events = RunFolder(outcome.folder).events_of(ON_AGAIN)
+    events = RunFolder(outcome.folder).events_of(AT_REST_AGAIN)
     return [str(event.details["message"]) for event in events]
 
 
@@ -94,11 +96,9 @@ class Meter:
     """A gaussmeter with the readings that it is to give, the last for ever."""
 
     def __init__(self, *readings_mT: tuple[float, float, float]) -> None:
-        self.readings_mT = list(readings_mT)
-        self.asked = 0
+        self.readings_mT = [*readings_mT[:1], *readings_mT]
 
     def field_now_mT(self) -> tuple[float, float, float]:
-        self.asked += 1
         if not self.readings_mT:
             raise InstrumentError(METER, "asked", "nothing came", "look at it")
         return self.readings_mT.pop(0) if len(self.readings_mT) > 1 else self.readings_mT[0]
@@ -118,7 +118,7 @@ def sine(amplitude_mT: float) -> Any:
 
 
 def watched(meter: Meter) -> Witnesses:
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: meter})
     witnesses.drives(SUPPLY, {METER: 1.0})
     witnesses.came(METER, sine(1.0))
@@ -127,9 +127,7 @@ def watched(meter: Meter) -> Witnesses:
 
 
 def asked(witnesses: Witnesses) -> WitnessReport:
-    clock = VirtualClock()
-    with clock.participant("asks"):
-        (testimony,) = witnesses.testify(clock)
+    (testimony,) = witnesses.testify()
     return testimony
 
 
@@ -149,12 +147,47 @@ def test_a_sine_that_is_left_is_seen_though_it_passes_zero() -> None:
     assert asked(watched(Meter(BEFORE_MT, *swinging))).agrees is False
 
 
+def noisy(field_mT: float, looks: int) -> list[tuple[float, float, float]]:
+    return [beside(field_mT + 1e-6 * k) for k in range(looks)]
+
+
+def test_a_meter_that_stands_still_is_not_asked_where_it_did_not_before() -> None:
+    stands_still = Meter(*noisy(0.0, 2), beside(0.4))
+    del stands_still.readings_mT[0]
+    witnesses = watched(stands_still)
+    report = asked(witnesses)
+    assert (report.agrees, report.sentence) == (None, "not asked: its readings stand still")
+    assert asked(watched(Meter(*noisy(0.0, 2), *noisy(0.4, 5)))).agrees is False
+    coarse = Meter(BEFORE_MT, BEFORE_MT, beside(0.4))  # its digits never change at rest
+    assert asked(watched(coarse)).agrees is False
+
+
+def test_a_person_in_a_hurry_shortens_the_looks_and_loses_none() -> None:
+    witnesses = watched(Meter(BEFORE_MT, BEFORE_MT, *noisy(0.4, 5)))
+    hurry = Hurry(CLOCK)
+    hurry.ask()
+    assert asked(witnesses).agrees is False
+    assert CLOCK.interruption is None
+
+
+def test_what_is_not_asked_of_another_source_is_said() -> None:
+    witnesses = watched(Meter(BEFORE_MT))
+    witnesses.moved("the stage turned since")
+    witnesses.drives("coil_supply.x", {METER: 1.0})
+    witnesses.came(METER, sine(1.0))
+    report = asked(witnesses)
+    assert report.agrees is True
+    assert report.sentence.endswith(f"; not asked of {SUPPLY}: the stage turned since")
+
+
 def test_a_field_beyond_the_range_contradicts() -> None:
-    assert asked(watched(Meter(BEFORE_MT, (math.inf, 0.0, 0.0)))).agrees is False
+    report = asked(watched(Meter(BEFORE_MT, (math.inf, 0.0, 0.0))))
+    assert report.agrees is False
+    assert report.sentence.startswith("more than its range in mT are left")
 
 
 def test_a_wild_reading_is_no_change_that_hides_what_is_left() -> None:
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: Meter(BEFORE_MT, beside(0.5))})
     witnesses.drives(SUPPLY, {METER: 1.0})
     witnesses.came(METER, rows(*([beside(0.9)] * 5), beside(80.0), (9e37, 0, 0), beside(0.9)))
@@ -178,7 +211,7 @@ def test_what_was_moved_since_is_not_asked(act: Any, reason: str) -> None:
 
 @pytest.mark.parametrize("moved", [True, False])
 def test_what_no_turn_could_make_contradicts_though_no_change_was_seen(moved: bool) -> None:
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: Meter(BEFORE_MT, beside(50.0))})
     witnesses.drives(SUPPLY, {METER: 50.0})
     if moved:
@@ -196,7 +229,7 @@ def test_what_is_seen_again_after_a_turn_is_asked_again() -> None:
 
 def test_a_coil_elsewhere_is_not_spoken_of() -> None:
     meter = Meter(BEFORE_MT, beside(0.01))
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: meter})
     witnesses.drives("coil_supply.dc", {METER: 50.0})
     witnesses.came(METER, sine(0.02))
@@ -209,7 +242,7 @@ def test_a_coil_elsewhere_is_not_spoken_of() -> None:
 
 def test_before_anything_is_driven_a_move_is_looked_at_anew() -> None:
     meter = Meter(BEFORE_MT, beside(0.3), beside(0.3))
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: meter})
     witnesses.moved("somebody was at the bench since (mount)")
     witnesses.drives(SUPPLY, {METER: 1.0})
@@ -219,19 +252,18 @@ def test_before_anything_is_driven_a_move_is_looked_at_anew() -> None:
 
 def test_a_probe_of_one_axis_is_judged_along_it_alone() -> None:
     nan = math.nan
-    sighting = Sighting(METER, "mT", [0.02, nan, nan], {SUPPLY: 1.0}, {SUPPLY: 1.0})
-    clock = VirtualClock()
-    with clock.participant("asks"):
-        assert judge(sighting, Meter((0.02, nan, nan)), clock).agrees is True
-        assert judge(sighting, Meter((0.6, nan, nan)), clock).agrees is False
-        along_another = judge(sighting, Meter((nan, 0.6, nan)), clock)
-        assert along_another.agrees is None
-        assert judge(sighting, Meter(), clock).agrees is None
-        assert "cannot be reached" in judge(sighting, None, clock).sentence
+    seen = {SUPPLY: 1.0}
+    sighting = Sighting(METER, "mT", [0.02, nan, nan], expected=seen, change=seen)
+    assert judge(sighting, Meter((0.02, nan, nan)), CLOCK).agrees is True
+    assert judge(sighting, Meter((0.6, nan, nan)), CLOCK).agrees is False
+    along_another = judge(sighting, Meter((nan, 0.6, nan)), CLOCK)
+    assert along_another.agrees is None
+    assert judge(sighting, Meter(), CLOCK).agrees is None
+    assert "cannot be reached" in judge(sighting, None, CLOCK).sentence
 
 
 def test_a_driver_without_the_verb_is_no_witness() -> None:
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: SimpleNamespace()})
     assert not witnesses.sightings
 
@@ -247,7 +279,7 @@ def test_what_a_witness_should_see_comes_from_the_bench_file() -> None:
 
 def test_guardians_are_informed_before_and_when_more_is_seen() -> None:
     seen: list[list[dict[str, Any]]] = []
-    witnesses = Witnesses()
+    witnesses = Witnesses(CLOCK)
     witnesses.open({METER: Meter(BEFORE_MT)})
     witnesses.informs(seen.append)
     witnesses.drives(SUPPLY, {METER: 1.0})
