@@ -121,7 +121,7 @@ def test_ctrl_c_in_an_attached_terminal_ends_the_run_safely(tmp_path: Path) -> N
 
 def test_a_detached_run_goes_to_its_end_and_attach_shows_its_results(tmp_path: Path) -> None:
     # Long enough that it still goes on when another process has come up on a busy computer.
-    longer = PLAN.replace("duration: 100 s", "duration: 6000 s")
+    longer = PLAN.replace("duration: 100 s", "duration: 1500 s")
     (tmp_path / "plan.yaml").write_text(longer, encoding="utf-8")
     started = station(tmp_path, "run", "plan.yaml", "--detach", "--non-interactive", "--json")
     assert started.returncode == 0, started.stderr
