@@ -177,10 +177,12 @@ class Drawing:
     # Set-points beside read-backs, interlocks, and what the device gives.
 
     def _measured(self, picture: Picture, width: int, room: int) -> list[Line]:
-        locks = self._locks(picture.live["interlocks"], width)
+        # Once the bench was made safe what was read before is of no use: it shows what flowed then.
+        live = NOTHING_LIVE if picture.state["safe"] else picture.live
+        locks = self._locks(live["interlocks"], width)
         trace = self._trace(picture.trace, width) if picture.trace else []
         fixed = [*locks, *trace]
-        instruments = picture.live["instruments"]
+        instruments = live["instruments"]
         if not instruments:
             return fixed[: max(room, 0)]
         values = self._values(instruments, width, room - len(fixed))

@@ -166,6 +166,7 @@ def test_a_prompt_and_a_bench_that_is_not_safe_are_said() -> None:
     assert "✘ NOT VERIFIED as safe: coil_supply.x" in text
     text = "\n".join(shown(picture(safe=safe[1:]), 80, 23))
     assert "✔ the bench is safe" in text
+    assert "2.774 A" not in text  # what flowed before says nothing of a bench at rest
 
 
 def test_a_pause_that_is_to_come_is_said() -> None:
