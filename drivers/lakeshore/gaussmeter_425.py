@@ -116,6 +116,8 @@ class Lakeshore425(Driver):
             return
         self.place.ask(f"turn-probe-{axis}", self.prompts[f"turn-probe-{axis}"])
         self._axis, self._turned = axis, True
+        # The newest average may have ended one averaging ago, and have begun before the turn.
+        self.place.clock.sleep(2.0 * self.averaging_s)
 
     def start(self, largest_field_mT: float) -> None:
         """Select tesla, direct field without filter, and the range; each is read back."""

@@ -412,6 +412,9 @@ def test_a_run_whose_evaluation_failed_is_evaluated_by_resume(
     folder = tmp_path / "run"
     shutil.copytree(reference, folder)
     (folder / "results.json").unlink()
+    *before, _ = (folder / EVENTS).read_bytes().splitlines(keepends=True)
+    (folder / EVENTS).write_bytes(b"".join(before))  # no revision was written
+    shutil.rmtree(folder / "revisions")
     with monkeypatch.context() as lacking:
 
         def no_memory(*_: object, **__: object) -> None:
