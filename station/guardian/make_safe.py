@@ -167,7 +167,7 @@ class MakeSafe:
             outcomes = self._until_safe(wanted, notes, outcomes)
             look = self._look_last(outcomes, notes)
             outcomes |= {outcome.instrument: outcome for outcome in look.used}
-            if not all(map(is_verified, outcomes.values())):
+            if not self._leave.is_set() and not all(map(is_verified, outcomes.values())):
                 notes.note(SAFE_STATE, outcomes=[o.to_data() for o in outcomes.values()])
             if all(map(is_settled, outcomes.values())) or self._leave.is_set():
                 return outcomes, look

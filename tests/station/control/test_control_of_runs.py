@@ -83,7 +83,7 @@ def test_a_pause_changes_no_result(tmp_path: Path) -> None:
     warm_up = {"slope_limit": "10 deg/h^2", "window": "10 min", "at_most": "20 min"}
     plan = short_plan(tmp_path, axes=["IA"], warm_up=warm_up, **SHORT)
     done = station("run", plan, "--non-interactive", "--output", tmp_path / "undisturbed")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in (0, 6), done.stderr  # a short record may decide nothing
     undisturbed = only_run(tmp_path / "undisturbed")
     assert undisturbed is not None
     with running(plan, parent=tmp_path / "runs") as (process, run):
@@ -92,7 +92,7 @@ def test_a_pause_changes_no_result(tmp_path: Path) -> None:
         assert state(run) == "paused"
         assert station("resume", run).returncode == 0
         _, said = process.communicate(timeout=60)
-    assert process.returncode == 0, said
+    assert process.returncode in (0, 6), said
     (one,), (other,) = results(run), results(undisturbed)
     assert abs(one["value"] - other["value"]) < one["standard_uncertainty"]
     pauses = {"pause-requested", "paused", "went-on"}
