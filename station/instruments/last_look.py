@@ -1,8 +1,8 @@
 """Look once more at everything that can harm, right before anybody says that the bench is safe.
 
 What was read back as off when it was switched off may have come on again since, or may have lied.
-So this waits for a while after the last command, reads what was not commanded, then what was, asks
-the witnesses, and brings to rest once more what is on again.
+So this waits for a while after the last command, asks the witnesses, reads what was not commanded,
+then what was, and brings to rest once more what is on again.
 """
 
 from __future__ import annotations
