@@ -10,6 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+NOT_TRIED = "not-tried"
+"""The code of the flag that names what a bench could have been asked and was not."""
+
 
 @dataclass(frozen=True)
 class Estimate:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from station.findings import Estimate, Flag
+from station.findings import NOT_TRIED, Estimate, Flag
 
 CAUSES = "named_causes"
 UNDECIDED = "-undecided"
 """The end of the codes of what the data do not decide; the figure beside it says so, too."""
-NOT_MEASURED, NOT_TRIED = "not-measured", "not-tried"
+NOT_MEASURED = "not-measured"
 
 
 def named_causes(flags: Sequence[Flag]) -> Estimate:

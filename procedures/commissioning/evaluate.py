@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from station.files.yaml.document import Document
 from station.files.yaml.reading import read_yaml
-from station.findings import Findings, Flag
+from station.findings import NOT_TRIED, Findings, Flag
 from station.instruments.commissioned import Commissioned
 from station.record.layout import BENCH_AS_WRITTEN
 
 from . import PARTS, chosen
-from .causes import NOT_TRIED, named_causes
+from .causes import named_causes
 from .completing import Completion, Withheld, confirmed_forms, figures_to_watch, files_of
 from .drift import drifts, flags_of
 from .parameters import CommissioningParameters

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from station.findings import Findings
+from station.findings import NOT_TRIED, Findings
 from station.report.numbers import format_limit, format_result
 from station.report.parts import Part as ReportPart
 from station.report.parts import Table
 from station.results import Result, ResultDocument
 
 from . import PARTS
-from .causes import CAUSES, NOT_MEASURED, NOT_TRIED, UNDECIDED
+from .causes import CAUSES, NOT_MEASURED, UNDECIDED
 from .parts import Part
 
 PASSED, FAILED, OPEN = "passed", "FAILED", "not decided"

@@ -8,12 +8,11 @@ from pathlib import Path
 from station.cli.running import report_outcome, request_of
 from station.cli.validating import read_bench_named
 from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_UNDETERMINED
+from station.findings import NOT_TRIED
 from station.procedure import procedure_of
 from station.runner.execute import execute
 
 PLAN = "commissioning"
-NOT_TRIED = "not-tried"
-"""The flag of what a bench could have been asked and was not."""
 
 
 def commission_bench(

@@ -32,6 +32,7 @@ from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.resources import in_bytes
 from station.runner.resuming import ResumeRequest, resume
+from station.safety.witness import NOT_ASKED
 
 if TYPE_CHECKING:
     from station.files.plan import Plan
@@ -185,9 +186,10 @@ def report_end(outcome: Outcome) -> None:
         )
     if outcome.left_to:
         tell(outcome.left_to)
-    for testimony in outcome.testimonies:
-        if testimony.agrees is None:
-            tell(f"{testimony.instrument}, whether what it sees is off: {testimony.sentence}")
+    for report in outcome.witness_reports:
+        if report.agrees is None:
+            why = report.sentence.removeprefix(NOT_ASKED)
+            tell(f"the {report.instrument} was not asked whether what it sees is off: {why}")
     for reading in outcome.safe:
         if reading.skipped:
             tell(f"{reading.instrument}: {reading.skipped}")

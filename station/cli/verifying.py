@@ -182,7 +182,7 @@ def since_head(state: FolderState, head: str) -> tuple[Event, ...] | None:
     head = head.strip().lower()
     if len(head) < SHOWN:
         raise InputError(f"--head {head}: give {SHOWN} digits of the head, or all 64")
-    fitting = {line for line in state.heads if len(head) >= SHOWN and line.startswith(head)}
+    fitting = {line for line in state.heads if line.startswith(head)}
     try:
         states = States(state.path, RunFolder(state.path).events, state.heads)
         return states.after(fitting.pop() if len(fitting) == 1 else head)

@@ -18,7 +18,7 @@ from station.errors import reason_of
 from station.instruments.whole_bench import WITHIN_S, BenchReading, at_once
 from station.roles.base import MadeSafe
 from station.safety.safe_state import Hurried, Hurry, SafeOutcome, make_bench_safe, unhurried
-from station.safety.witness import WitnessReport, contradicted
+from station.safety.witness import NOT_ASKED, WitnessReport, contradicted
 
 SETTLES_S = 4.0
 """Run time from the last command that switches something off to the look that is believed; what
@@ -38,7 +38,7 @@ class LastLook:
     """
 
     bench: BenchReading
-    testimonies: Sequence[WitnessReport]
+    witness_reports: Sequence[WitnessReport]
     again: Sequence[str]
     oldest_s: float
     utc: str
@@ -47,7 +47,7 @@ class LastLook:
         """Return the look as plain data."""
         return {
             **self.bench.to_data(),
-            "witnesses": [testimony.to_data() for testimony in self.testimonies],
+            "witnesses": [report.to_data() for report in self.witness_reports],
             "oldest_s": round(self.oldest_s, 3),
         }
 
@@ -82,13 +82,13 @@ def look_last(
         verified = [name for name, outcome in known.items() if outcome.verified]
         if verified:
             settle(clock, hurry)
-        testimonies = testify() if verified else ()
+        witness_reports = testify() if verified else ()
         others = read_others(None)
         known |= read_now({name: instruments[name] for name in verified}, known, clock)
         if others.energised:  # which the witnesses see as well
             on = ", ".join(reading.instrument for reading in others.energised)
-            testimonies = [unasked(report, f"{on} is on") for report in testimonies]
-        against = contradicted(testimonies)
+            witness_reports = [unasked(report, f"{on} is on") for report in witness_reports]
+        against = contradicted(witness_reports)
         wrong = {
             name: against[name] if known[name].verified else known[name].read_back
             for name in verified
@@ -110,7 +110,7 @@ def look_last(
     read_s = [outcome.read_s for outcome in (*known.values(), *others.outside) if outcome.verified]
     return LastLook(
         replace(others, used=list(known.values())),
-        list(testimonies),
+        list(witness_reports),
         again,
         (looked_s - min(read_s, default=looked_s)) / speed,
         utc_now().isoformat(timespec="seconds"),
@@ -119,7 +119,7 @@ def look_last(
 
 def unasked(report: WitnessReport, why: str) -> WitnessReport:
     """Return the report of a witness that cannot say anything, with the reason."""
-    return replace(report, agrees=None, ambient=False, sentence=f"not asked: {why}")
+    return replace(report, agrees=None, ambient=False, sentence=f"{NOT_ASKED}{why}")
 
 
 def settle(clock: Clock, hurry: Hurry) -> None:

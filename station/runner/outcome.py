@@ -51,7 +51,7 @@ class Outcome:
     """How everything else on the bench that can harm was read."""
     left_out: list[LeftOut] = field(default_factory=list)
     """What can harm and was not read back: another run holds it, or it does not answer."""
-    testimonies: list[WitnessReport] = field(default_factory=list)
+    witness_reports: list[WitnessReport] = field(default_factory=list)
     """What a second instrument said of what was switched off."""
     read_when: str = ""
     """When the bench was looked at last, and how old the oldest reading was then."""
@@ -78,7 +78,7 @@ class Outcome:
         """Take how the bench was left."""
         self.safe = [*look.used, *look.bench.energised]
         self.outside, self.left_out = list(look.bench.outside), list(look.bench.left_out)
-        self.testimonies, self.read_when = list(look.testimonies), look.when
+        self.witness_reports, self.read_when = list(look.witness_reports), look.when
 
     @property
     def doubted(self) -> list[SafeOutcome]:

@@ -33,11 +33,13 @@ OVERLOAD = 1e30
 """What instruments say of an overload is beyond it."""
 GROWN = 1.2
 """By which the largest change grows before the guardians are informed again."""
-LOOKS, LOOKS_EVERY_S = 5, 0.37
+LOOKS, LOOKS_BEFORE, LOOKS_EVERY_S = 5, 3, 0.37
 """Run time; no sine that a coil supply makes is near its zero at all of them."""
 TURNED = 4.0
 """Of the magnitude before; turning a probe in an ambient field makes 2 at most."""
+NOT_ASKED = "not asked: "
 NOT_DRIVEN = "nothing was driven that it could see"
+NOT_ALIKE = "it does not see now what it saw before: turned, or beyond its range"
 NOT_SEEN = "it saw no change of what was driven"
 
 
@@ -87,25 +89,25 @@ def witness_of(instance: str) -> Witness | None:
 def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> WitnessReport:
     """Ask an opened witness, None where it cannot be reached, and hold it against what it saw.
 
-    What is left may swing through zero as a sine does: it is asked several times, and the largest
-    counts.
+    What is left may swing through zero as a sine does: it is asked several times. The second
+    largest counts, for one reading may be wild.
     """
     name, unit = sighting.instrument, sighting.unit
     sources = sorted(sighting.change or sighting.expected)
     if not sources:
-        return WitnessReport(name, (), None, f"not asked: {NOT_DRIVEN}")
+        return WitnessReport(name, (), None, f"{NOT_ASKED}{NOT_DRIVEN}")
     if instrument is None:
-        return WitnessReport(name, sources, None, "not asked: it cannot be reached")
+        return WitnessReport(name, sources, None, f"{NOT_ASKED}it cannot be reached")
     try:
         looks = several_looks(name, instrument, clock, LOOKS)
     except InstrumentError as error:
-        return WitnessReport(name, sources, None, f"not asked: {error}")
+        return WitnessReport(name, sources, None, f"{NOT_ASKED}{error}")
     left = [distance(look, sighting.before) for look in looks]
     if any(map(math.isnan, left)):
-        return WitnessReport(name, sources, None, "not asked: it measures along another axis now")
-    most = max(left)
+        return WitnessReport(name, sources, None, f"{NOT_ASKED}{NOT_ALIKE}")
+    most = sorted(left)[-2]
     if sighting.varies and stand_still(looks) and most > 0.0:
-        return WitnessReport(name, sources, None, "not asked: its readings stand still")
+        return WitnessReport(name, sources, None, f"{NOT_ASKED}its readings stand still")
     if not sighting.change:
         return _of_unseen(sighting, sources, most)
     largest = max(sighting.change.values())
@@ -151,7 +153,7 @@ def _of_unseen(sighting: Sighting, sources: Sequence[str], most: float) -> Witne
             name, sources, False, f"it is {amount(most, unit)} off what it was before"
         )
     reasons = "; ".join(dict.fromkeys(sighting.lost.values()))
-    return WitnessReport(name, (), None, f"not asked: {reasons or NOT_SEEN}")
+    return WitnessReport(name, (), None, f"{NOT_ASKED}{reasons or NOT_SEEN}")
 
 
 def read_now(name: str, instrument: object) -> list[float]:
@@ -164,12 +166,12 @@ def read_now(name: str, instrument: object) -> list[float]:
 def distance(now: Sequence[float], before: Sequence[float]) -> float:
     """Return the magnitude of the change of the components that are seen; NaN where none is.
 
-    Infinite where one is beyond the range of the instrument.
+    Infinite where one is beyond the range of the instrument; one that was so before is not seen.
     """
     squares = [
-        math.inf if math.isinf(a) or math.isinf(b) else (a - b) ** 2
+        (a - b) ** 2
         for a, b in zip(now, before, strict=True)
-        if not (math.isnan(a) or math.isnan(b))
+        if math.isfinite(b) and not math.isnan(a)
     ]
     return math.sqrt(sum(squares)) if squares else math.nan
 
@@ -276,9 +278,10 @@ class Witnesses:
     def _read_before(self, name: str) -> None:
         witness = witness_of(name)
         assert witness is not None
-        looks = several_looks(name, self._instruments[name], self._clock, 2)
-        known = self.sightings.setdefault(name, Sighting(name, witness.unit, looks[-1]))
-        known.before, known.varies = looks[-1], not stand_still(looks)
+        looks = several_looks(name, self._instruments[name], self._clock, LOOKS_BEFORE)
+        middle = [sorted(component)[LOOKS_BEFORE // 2] for component in zip(*looks, strict=True)]
+        known = self.sightings.setdefault(name, Sighting(name, witness.unit, middle))
+        known.before, known.varies = middle, not stand_still(looks)
         known.expected.clear()
         self._inform()
 
@@ -291,11 +294,11 @@ class Witnesses:
         self._informed([sighting.to_data() for sighting in self.sightings.values()])
 
 
-def contradicted(testimonies: Collection[WitnessReport]) -> dict[str, str]:
+def contradicted(witness_reports: Collection[WitnessReport]) -> dict[str, str]:
     """Return what contradicts each source that reads back as off, in words."""
     against: dict[str, str] = {}
-    for testimony in testimonies:
-        if testimony.agrees is False:
-            for source in testimony.sources:
-                against.setdefault(source, f"{testimony.instrument} sees that {testimony.sentence}")
+    for report in witness_reports:
+        if report.agrees is False:
+            for source in report.sources:
+                against.setdefault(source, f"{report.instrument} sees that {report.sentence}")
     return against
