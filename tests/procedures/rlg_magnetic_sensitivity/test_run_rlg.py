@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from campaign_helpers import file_hashes
 from rlg_runs import short_run
 from scipy.stats import chi2
 
@@ -22,8 +23,7 @@ SEEDS = (0, 1, 2)
 
 def hashes(folder: Path) -> dict[str, str]:
     """Return the hashes of what must be the same in every execution of a plan."""
-    files = [*sorted((folder / "raw").iterdir()), folder / "results.json", folder / "events.jsonl"]
-    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+    return file_hashes(folder, "results.json")
 
 
 @pytest.fixture(scope="module", params=[SEEDS[:2], pytest.param(SEEDS, marks=pytest.mark.campaign)])
