@@ -145,7 +145,8 @@ def read_status(folder: Path) -> Status:
         now_s += max(age_s, 0.0) * planned["speed"]
     step = next((event for event in reversed(events) if event.kind == "step-started"), None)
     of_guardian = guardian_events(folder)
-    safe = latest_safe_state(events, of_guardian)
+    at_work, safe = guardian_at_work(folder), latest_safe_state(events, of_guardian)
+    rests = all(outcome["verified"] for outcome in safe) if safe else None
     return Status(
         run=str(folder),
         state=state,
@@ -160,9 +161,10 @@ def read_status(folder: Path) -> Status:
         units_planned=len(planned["units"]) if planned.get("units") else None,
         run_time_s=round(now_s - (events[0].time_s if events else 0.0), 3),
         remaining_s=remaining_s(planned, events, now_s) if planned else None,
-        bench_safe=all(outcome["verified"] for outcome in safe) if safe else None,
+        # A guardian that has read the bench back as safe looks at it once more before it says so.
+        bench_safe=None if rests and at_work else rests,
         left_out=tuple(latest_left_out(events, of_guardian)),
-        message=last_message(events, of_guardian, guardian_at_work(folder)),
+        message=last_message(events, of_guardian, at_work),
     )
 
 
@@ -279,6 +281,8 @@ def guardian_in_words(of_guardian: Sequence[Event], at_work: bool) -> str:
     if unverified:
         by = ", and was ended by a person" if ended else ""
         return f"the guardian could not verify as safe{by}: {states}"
+    if at_work:
+        return f"the guardian has read the bench back as safe and looks at it once more: {states}"
     return f"the guardian made the bench safe and read it back: {states}"
 
 

@@ -87,8 +87,7 @@ def test_a_run_in_another_process_is_told_while_it_goes_on_and_after_it_was_kill
         finally:
             process.kill()
             process.wait()
-        # It looks once more before it says so.
-        until(lambda: "the guardian made the bench safe" in read_status(folder).message)
+        until(lambda: read_status(folder).bench_safe is not None)
     assert (first.state, first.running, first.bench_safe) == ("running", True, None)
     assert first.step_title == "Switch the gyro on and warm it up"
     # The warm-up writes no event for a minute: the time that passes is told all the same.
