@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from pathlib import Path
 
 import pytest
+from command_line import PLAN, station
 from terminal import WITHIN_S, OnTerminal
 
 QUESTIONS = (
@@ -16,7 +16,7 @@ QUESTIONS = (
     "[connect-cables] Enter",
     "[dut-power-on]",
 )
-PARTS = ("RLG-50 SN-0042", "unit of work ", "interlocks", "read back", "counts/s so far")
+PARTS = ("RLG-50 SN-1", "unit of work ", "interlocks", "read back", "counts/s so far")
 
 
 def wait_for_line(terminal: OnTerminal, text: str) -> None:
@@ -29,10 +29,11 @@ def wait_for_line(terminal: OnTerminal, text: str) -> None:
 
 @pytest.mark.campaign
 def test_prompts_are_readable_the_picture_comes_back_and_the_record_is_the_same(
-    tmp_path: Path, one_axis_run: Path
+    tmp_path: Path,
 ) -> None:
-    shutil.copy(one_axis_run / "plan.yaml", tmp_path)
-    terminal = OnTerminal(tmp_path, "run", "plan.yaml", "--rehearse")
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    longer = ("run", "plan.yaml", "--set", "parameters.duration=1000 s")  # several pictures long
+    terminal = OnTerminal(tmp_path, *longer, "--rehearse")
     for question in QUESTIONS:
         wait_for_line(terminal, question)
         asked = terminal.lines
@@ -51,5 +52,7 @@ def test_prompts_are_readable_the_picture_comes_back_and_the_record_is_the_same(
     said = [line for line in [*terminal.past, *terminal.lines] if "  S4  Record" in line]
     assert len(said) == 1  # what stays above the picture stays once
     (run,) = (tmp_path / "runs").iterdir()
-    for raw in sorted((one_axis_run / "raw").iterdir()):  # of a run that nobody watched
+    assert station(tmp_path, *longer, "--non-interactive", "--output", "alone").returncode == 0
+    (alone,) = (tmp_path / "alone").iterdir()
+    for raw in sorted((alone / "raw").iterdir()):
         assert (run / "raw" / raw.name).read_bytes() == raw.read_bytes(), raw.name
