@@ -15,31 +15,26 @@ from pathlib import Path
 from shlex import quote
 from threading import Event, Thread
 from types import FrameType
-from typing import IO, NoReturn
+from typing import IO, Any, NoReturn
 
 from station.cli.analysing import name_unused, print_document
-from station.cli.controlling import abort_run, logs_of
+from station.cli.controlling import abort_run
 from station.cli.running import ANNOUNCE, may_ask
 from station.clock import RealClock, boot_seconds, local_time, utc_now
 from station.console import span, tell
 from station.control.client import NotRunning, ask, not_running
 from station.control.signals import WISHES
-from station.control.status import RUN_STARTED, in_words, read_status
+from station.control.status import read_state, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.files.locks import is_held
 from station.method.prompts import Asking, Prompt
 from station.record.careful_reading import read_json
-from station.record.events import (
-    LEFT_FOR_THE_END,
-    RESUMED,
-    latest_age,
-    latest_left_out,
-    whole_bench,
-)
+from station.record.events import RESUMED, RUN_STARTED, in_words, whole_bench
 from station.record.events import Event as LogEvent
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import EVENTS, LOCK, RUN
 from station.record.log_tail import LogTail
+from station.record.run_state import RunState
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.operator import Operator, discard_typed
 from station.runner.progress import Progress, time_of_day
@@ -199,10 +194,9 @@ def end(folder: Path, by: str) -> int:
 
 def how_it_ended(folder: Path, failure: str) -> int:
     """Say how a run that is over has ended, and return its exit code."""
-    status = read_status(folder)
+    status, ended = read_status(folder), read_state(folder)
     if status.bench_safe:
-        logs = logs_of(folder)
-        tell(whole_bench(latest_left_out(*logs), latest_age(*logs)))
+        tell(whole_bench(ended.left_out(), ended.age()))
     if status.state == "finished" and (folder / RESULTS).is_file():
         if not status.bench_safe:
             tell("NOT VERIFIED: go to the bench and look at it now")
@@ -213,14 +207,14 @@ def how_it_ended(folder: Path, failure: str) -> int:
         print(f"report: {folder / REPORT}")
         ask_what_was_left(folder)
         return exit_code_of(document)
-    failed = [event for event in LogTail(folder).new_events() if event.kind == "failed"]
-    failure = failure or (str(failed[-1].details["message"]) if failed else "")
+    failed = ended.process.failed
+    failure = failure or (str(failed["message"]) if failed else "")
     again = f"`station resume {quote(str(folder))}` resumes it"
     tell(f"the run did not finish: {failure}; {again}" if failure else not_running(folder))
     if not status.bench_safe:
         tell(f"NOT VERIFIED: go to the bench and look at it now; last heard: {status.message}")
         return EXIT_FAULT
-    code = int(failed[-1].details["exit_code"]) if failed else EXIT_FAULT
+    code = int(failed["exit_code"]) if failed else EXIT_FAULT
     if code == EXIT_INTERLOCK:
         tell("first `station acknowledge` the bench")
     return code
@@ -228,9 +222,9 @@ def how_it_ended(folder: Path, failure: str) -> int:
 
 def ask_what_was_left(folder: Path) -> None:
     """Ask for what no step waited for, in the run's last process."""
-    left = RunFolder(folder).of_last_process(LEFT_FOR_THE_END)
+    left = read_state(folder).process.left_for_the_end
     operator = Operator(RealClock(), {}, interactive=sys.stdin.isatty(), act=None)
-    operator.ask_at_the_end([Prompt.from_data(event.details) for event in left])
+    operator.ask_at_the_end([Prompt.from_data(details) for details in left])
 
 
 class LogTimes:
@@ -268,15 +262,22 @@ class Viewer:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._log = LogTail(folder)
-        self._open: dict[str, Prompt] = {}
-        """The prompts that wait for an answer, by id."""
-        self._expected_s: dict[str, float] = {}
-        self._units: dict[str, float] = {}
-        self._speed = 0.0
-        self._latest_s = self._step_s = 0.0
+        self._run = RunState()
         self._looked_s = boot_seconds()
-        self.failure = ""
         self._leaves = False
+        self._taken: set[int] = set()
+
+    @property
+    def failure(self) -> str:
+        """What ended the run's last process before its end, empty where nothing did."""
+        failed = self._run.process.failed
+        return str(failed.get("message", "")) if failed else ""
+
+    @property
+    def _open(self) -> dict[str, dict[str, Any]]:
+        """The prompts that wait for an answer, by id, less those whose answer was taken here."""
+        prompts = self._run.process.open_prompts.items()
+        return {key: prompt for key, prompt in prompts if prompt["number"] not in self._taken}
 
     def watch(self) -> bool:
         """Show the run until it ends; whether the operator left before."""
@@ -287,8 +288,9 @@ class Viewer:
         written_s = (self._folder / EVENTS).stat().st_mtime
         self._looked_s -= max(utc_now().timestamp() - written_s, 0.0)
         times = LogTimes(self._folder)
-        total_s = sum(self._expected_s.values())
-        with Progress(total_s, units=self._units, folder=self._folder) as progress:
+        total_s = sum(self._expected_s().values())
+        units = self._run.planned.get("units_expected", {})
+        with Progress(total_s, units=units, folder=self._folder) as progress:
             for event in caught_up:
                 self._show(event, progress, times.of(event))
             while True:
@@ -305,32 +307,21 @@ class Viewer:
                         return True
                 elif self._wants_to_leave():
                     return True
-                now_s = self._latest_s + (boot_seconds() - self._looked_s) * self._speed
-                progress.at(now_s - self._step_s)
+                now_s = self._run.last_s + (boot_seconds() - self._looked_s) * self._run.speed
+                progress.at(now_s - self._step_began_s())
 
     def _note(self, event: LogEvent) -> None:
-        """Keep what an event says of the run's plan and its prompts."""
-        details = event.details
-        self._latest_s, self._looked_s = event.time_s, boot_seconds()
-        match event.kind:
-            case kind if kind == RUN_STARTED:
-                self._speed = float(details.get("speed") or 0.0)
-                self._units = dict(details.get("units_expected", {}))
-                self._expected_s = {
-                    step["step"]: float(step["expected_s"]) for step in details.get("steps", ())
-                }
-            case "step-started":
-                self._step_s = event.time_s
-            case "prompt-shown":
-                self._open[details["id"]] = Prompt.from_data(details)
-            case "prompt":
-                self._open.pop(details["id"], None)
-            case "failed":
-                self.failure = str(details.get("message", ""))
-                self._open.clear()
-            case kind if kind == RESUMED:
-                self._open.clear()
-                self.failure = ""
+        """Keep what an event says of the run and its prompts."""
+        self._run.add(event)
+        self._looked_s = boot_seconds()
+
+    def _expected_s(self) -> dict[str, float]:
+        steps = self._run.planned.get("steps", ())
+        return {step["step"]: float(step["expected_s"]) for step in steps}
+
+    def _step_began_s(self) -> float:
+        process = self._run.process
+        return process.step_began_s.get(process.step or "", 0.0)
 
     def _show(self, event: LogEvent, progress: Progress, when: str = "") -> None:
         """Show an event as the run's own terminal would; `when` it happened, if not just now."""
@@ -338,10 +329,10 @@ class Viewer:
         match event.kind:
             case "step-started":
                 number = details["step"]
-                progress.step(number, details["title"], self._expected_s.get(number, 0.0), when)
+                progress.step(number, details["title"], self._expected_s().get(number, 0.0), when)
             case "unit-finished":
                 progress.unit_finished(details["unit"])
-                progress.at(event.time_s - self._step_s, details["unit"], when)
+                progress.at(event.time_s - self._step_began_s(), details["unit"], when)
             case "prompt-shown" if not sys.stdin.isatty():
                 progress.say(in_words(event), when)
             case "failed" | "paused" | "went-on" | "safe-state" | "pause-refused":
@@ -349,7 +340,8 @@ class Viewer:
 
     def _answer(self) -> None:
         """Put the oldest prompt that waits, until somebody has answered it, here or elsewhere."""
-        prompt_id, prompt = next(iter(self._open.items()))
+        prompt_id, details = next(iter(self._open.items()))
+        prompt = Prompt.from_data(details)
         asking = Asking(prompt)
         tell("\n" + "\n".join(prompt.lines))
         discard_typed()
@@ -368,7 +360,7 @@ class Viewer:
                 return
             known, answer = asking.understands(line), asking.take(line)
             if answer is not None and self._sent(prompt_id, answer):
-                self._open.pop(prompt_id, None)
+                self._taken.add(details["number"])
                 return
             tell(asking.question if known else f"   {line!r} is no answer here: ", end="")
 

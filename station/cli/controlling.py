@@ -14,7 +14,7 @@ from station.clock import RealClock, boot_seconds
 from station.console import span, tell
 from station.control.client import NoAnswer, ask
 from station.control.requests import ABORT_VERB
-from station.control.status import RUN_STARTED, Status, read_status, remaining_s
+from station.control.status import message_of, read_state, read_status
 from station.errors import (
     EXIT_DONE,
     EXIT_FAULT,
@@ -26,16 +26,8 @@ from station.errors import (
 from station.files.locks import is_held
 from station.files.lookup import BENCHES, find
 from station.guardian.notes import AtWork, guardian_at_work
-from station.record.events import (
-    Event,
-    guardian_events,
-    latest_age,
-    latest_left_out,
-    latest_safe_state,
-    read_events,
-    whole_bench,
-)
-from station.record.layout import EVENTS, LOCK
+from station.record.events import whole_bench
+from station.record.layout import LOCK
 from station.safety.acknowledgement import acknowledge, addresses_in, user_name
 
 REPEATS_EVERY_S = 10.0
@@ -76,7 +68,8 @@ class Waiting:
         status = read_status(self._run)
         if status.step is None:
             return f"    {status.message}"
-        left_s = rest_of_step_s(self._run, status)
+        run = read_state(self._run)
+        left_s = run.rest_of_step_s(run.began_s + status.run_time_s)
         left = f", expected to take another {span(left_s)} of bench time" if left_s else ""
         return f"    step {status.step}{left}: {status.message}"
 
@@ -104,20 +97,6 @@ def pause_run(run: Path, *, as_json: bool) -> int:
         case _:
             tell(f"not paused: {answer.get('said', outcome)}")
     return exit_code
-
-
-def rest_of_step_s(run: Path, status: Status) -> float | None:
-    """Return the bench time in s that the present step is expected to take still.
-
-    None where it is not known, as on virtual time. A unit of work ends with its step, or before.
-    """
-    events = list(read_events(run / EVENTS))
-    planned = next((event.details for event in events if event.kind == RUN_STARTED), {})
-    speed, steps = planned.get("speed"), planned.get("steps", [])
-    present = [step for step in steps if step["step"] == status.step]
-    # The log has the bench's clock, which was at any time when the run began.
-    left_s = remaining_s({"steps": present}, events, events[0].time_s + status.run_time_s)
-    return left_s if speed and present else None
 
 
 def abort_run(run: Path, timeout_s: float, *, as_json: bool, by: str = ABORT_VERB) -> int:
@@ -173,7 +152,7 @@ def look_at_end(run: Path) -> End | None:
     def look() -> End | None:
         if is_held(run / LOCK):
             return None
-        return read_status(run).message, left_safe(run), True
+        return (*how_left(run), True)
 
     try:
         return within(DISK_WITHIN_S, look)
@@ -230,17 +209,13 @@ def end_guardian(run: Path, guardian: AtWork, timeout_s: float, *, as_json: bool
         if now is None or bool(now.waits_for) != goes_on:
             break
         RealClock().sleep(LOOKS_EVERY_S)
-    return say_how_it_ended(run, read_status(run).message, left_safe(run), as_json=as_json)
+    return say_how_it_ended(run, *how_left(run), as_json=as_json)
 
 
-def left_safe(run: Path) -> list[dict[str, Any]] | None:
-    """Return how each instrument came to rest; None where no log has it, or not yet."""
-    return latest_safe_state(*logs_of(run))
-
-
-def logs_of(run: Path) -> tuple[tuple[Event, ...], tuple[Event, ...]]:
-    """Return the events of a run's log, and of its guardian's."""
-    return tuple(read_events(run / EVENTS)), guardian_events(run)
+def how_left(run: Path) -> tuple[str, list[dict[str, Any]] | None]:
+    """Return what is said of a run last, and how each instrument came to rest."""
+    state = read_state(run)
+    return message_of(state, guardian_at_work(run)), state.safe_state()
 
 
 def say_how_it_ended(
@@ -256,7 +231,7 @@ def say_how_it_ended(
     safe = outcomes is not None and not unverified
     exit_code = EXIT_DONE if safe and ended else EXIT_FAULT
     # One that has not ended may have no log that can be read; it reports what it used alone.
-    left_out = latest_left_out(*logs_of(run)) if ended else []
+    left_out = read_state(run).left_out() if ended else []
     if as_json:
         data = {"run": str(run), "message": message, "bench_safe": safe}
         read_back = {"safe_state": outcomes or [], "left_out": left_out}
@@ -268,7 +243,7 @@ def say_how_it_ended(
         print(f"{name:<20}{outcome['read_back'].removeprefix(name + ': ')}")
     if safe:
         used = "every instrument that the run used was read back as safe, others were not read yet"
-        print(whole_bench(left_out, latest_age(*logs_of(run))) if ended else used)
+        print(whole_bench(left_out, read_state(run).age()) if ended else used)
     elif outcomes is None:
         tell(
             "NOT VERIFIED: how the bench was left is unknown; go to it now, and switch off by hand "

@@ -9,13 +9,14 @@ from typing import Any
 
 from station import registry
 from station.console import span, tell
-from station.control.status import SENTENCES, Status, newest_run, read_status
+from station.control.status import Status, newest_run, read_status
 from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
 from station.procedure import procedure_of
 from station.record.events import whole_bench
 from station.record.run_list import newest_runs
 from station.record.run_names import RUNS
+from station.record.run_state import SENTENCES
 from station.record.verification import quick_look
 
 

@@ -9,11 +9,12 @@ from typing import Any
 
 from station.clock import RealClock, boot_seconds, local_time
 from station.console import span, tell
-from station.control.run_reader import GOES_ON, RunReader, sentence_of_now
+from station.control.run_reader import RunReader, sentence_of_now
 from station.control.status import newest_run
 from station.errors import InputError
 from station.record.layout import EVENTS
 from station.record.run_names import RUNS
+from station.record.run_state import GOES_ON
 from station.runner.progress import REPEAT_S
 
 LOOKS_EVERY_S = 0.5

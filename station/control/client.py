@@ -11,10 +11,11 @@ from typing import Any
 
 from station.clock import RealClock, boot_seconds
 from station.control.channel import places
-from station.control.status import SENTENCES, read_status
+from station.control.status import read_status
 from station.errors import InputError, StationError
 from station.files.locks import is_held
 from station.record.layout import EVENTS, LOCK
+from station.record.run_state import SENTENCES
 
 LISTENS_WITHIN_S = 2.0
 """A run that has just got its folder needs a moment until it listens."""

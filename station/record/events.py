@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from station.console import no_older
 from station.errors import DamagedRecord
 from station.record.files import AppendOnlyFile
 from station.record.layout import GUARDIAN_LOG
 
 FIRST_HASH = "0" * 64
+RUN_STARTED = "run-started"
+"""The first event: what the run is going to do."""
 RESUMED = "resumed"
 """The event with which another process goes on with a run."""
 
@@ -127,6 +128,47 @@ def of_the_run(events: Sequence[Event]) -> Sequence[Event]:
     return events[: max(own, default=0)]
 
 
+def in_words(event: Event) -> str:
+    """Return an event as a short text."""
+    details = event.details
+    match event.kind:
+        case "identified":
+            who = " ".join(str(details[key]) for key in ("maker", "model", "serial"))
+            return f"{details['instrument']} is {' '.join(who.split())}"
+        case "step-started":
+            return f"{details['step']} began: {details['title']}"
+        case "step-finished":
+            return f"{details['step']} is done"
+        case "prompt-shown":
+            return f"waits for an answer to [{details['id']}] {details['text']}"
+        case "prompt":
+            return f"{details['text']} Answered: {details['answer']}"
+        case "unit-started":
+            return f"{details['unit']} is being recorded"
+        case "unit-finished":
+            return f"{details['unit']} is recorded"
+        case "failed":
+            return str(details["message"])
+        case "run-ended":
+            return "all steps are done" if details.get("complete") else "the run has ended early"
+        case "safe-state":
+            left = [
+                outcome["instrument"]
+                for outcome in details.get("outcomes", ())
+                if not outcome["verified"]
+            ]
+            return f"NOT VERIFIED as safe: {', '.join(left)}" if left else "the bench is made safe"
+        case kind if kind in RECORDED_LATER:
+            return recorded_in_words(event)
+        case "paused" | "pause-refused":
+            states = details.get("devices") or details.get("reasons") or {}
+            return ": ".join(
+                [event.kind, "; ".join(f"{who} {what}" for who, what in states.items())]
+            )
+    plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
+    return f"{event.kind}: {', '.join(plain)}" if details else event.kind
+
+
 def recorded_in_words(event: Event) -> str:
     """Return what an event says that was done with a run folder; of others its kind alone."""
     details = event.details
@@ -138,36 +180,6 @@ def recorded_in_words(event: Event) -> str:
     if event.kind == ISSUED:
         return f"certificate {details.get('number')} was issued{at}"
     return event.kind
-
-
-PAUSED, WENT_ON = "paused", "went-on"
-ENDS = ("failed", "safe-state", "run-ended")
-"""What ends a pause too: the run itself ends."""
-
-
-def spans(events: Sequence[Event], now_s: float) -> Iterator[tuple[float, float]]:
-    """Yield begin and end of each pause, s of run time; one that lasts ends at `now_s`."""
-    began_s: float | None = None
-    for event in events:
-        if event.kind == PAUSED:
-            began_s = event.time_s
-        elif began_s is not None and event.kind in (WENT_ON, *ENDS):
-            yield began_s, event.time_s
-            began_s = None
-    if began_s is not None:
-        yield began_s, max(now_s, began_s)
-
-
-def is_paused(events: Sequence[Event]) -> bool:
-    """Whether the log of a run that goes on ends in a pause."""
-    kinds_seen = [event.kind for event in events if event.kind in (PAUSED, WENT_ON, *ENDS)]
-    return bool(kinds_seen) and kinds_seen[-1] == PAUSED
-
-
-def paused_s(events: Sequence[Event], since_s: float, now_s: float) -> float:
-    """Return how much of the run time from `since_s` to `now_s` was spent paused, in s."""
-    ended = (span for span in spans(events, now_s) if span[1] > since_s)
-    return sum(end_s - max(began_s, since_s) for began_s, end_s in ended)
 
 
 SAFE_STATE = "safe-state"
@@ -190,40 +202,6 @@ def guardian_events(folder: Path) -> tuple[Event, ...]:
     return tuple(read_events(log)) if log.is_file() else ()
 
 
-def latest_safe_state(
-    run_events: Sequence[Event], of_guardian: Sequence[Event]
-) -> list[dict[str, Any]] | None:
-    """Return the outcomes of the safe state in which a run left its bench.
-
-    None where the bench was not made safe since its instruments were opened last, or where the
-    guardian is still at it.
-    """
-    latest = _latest(run_events, of_guardian, SAFE_STATE)
-    # A run that opened nothing has nothing to say of what was left before it.
-    telling = [
-        details["outcomes"]
-        for details in latest
-        if any(outcome.get("used", True) for outcome in details["outcomes"])
-    ]
-    return list(telling[-1]) if telling else [] if latest else None
-
-
-def latest_left_out(
-    run_events: Sequence[Event], of_guardian: Sequence[Event]
-) -> list[dict[str, str]]:
-    """Return what can harm and was not read back when a run left its bench: instrument and why."""
-    latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
-    kinds_seen = [details["left_out"] for details in latest if "left_out" in details]
-    return list(kinds_seen[-1]) if kinds_seen else []
-
-
-def latest_age(run_events: Sequence[Event], of_guardian: Sequence[Event]) -> str:
-    """Return how old the oldest reading was when a run looked at its bench last, for a person."""
-    latest = _latest(run_events, of_guardian, SAFE_STATE, BENCH_READ)
-    ages = [float(details["oldest_s"]) for details in latest if "oldest_s" in details]
-    return f" ({no_older(ages[-1])})" if ages else ""
-
-
 def whole_bench(left_out: Iterable[Mapping[str, str]], when: str = "") -> str:
     """Return the sentence on a bench of which everything that was read is at rest.
 
@@ -242,30 +220,3 @@ def not_known(left_out: Iterable[Mapping[str, str]]) -> str:
         by_reason.setdefault(left["why"], []).append(left["instrument"])
     named = [f"{', '.join(names)} ({why})" for why, names in by_reason.items()]
     return f"NOT KNOWN to be safe: {' and '.join(named)}" if named else ""
-
-
-def _latest(
-    run_events: Sequence[Event], of_guardian: Sequence[Event], *kinds: str
-) -> list[Mapping[str, Any]]:
-    """Return what events of some kinds tell since the instruments were opened last."""
-    opened = max(
-        (n for n, event in enumerate(run_events) if event.kind == "identified"), default=-1
-    )
-    placed = [(float(n), event) for n, event in enumerate(run_events)]
-    # Between the last line that the run had written, and the next one of a resumed run.
-    placed += [(event.details["after_events"] - 0.5, event) for event in of_guardian]
-    latest = [
-        (place, event.details) for place, event in placed if event.kind in kinds and place > opened
-    ]
-    latest.sort(key=lambda timed: timed[0])
-    return [details for _, details in latest]
-
-
-def last_word_of_guardian(
-    run_events: Sequence[Event], of_guardian: Sequence[Event]
-) -> Event | None:
-    """Return the last event of the guardian where it came after everything that the run did."""
-    acts = [event for event in of_guardian if event.kind != BENCH_READ]
-    last = acts[-1] if acts else None
-    own = len(of_the_run(run_events))
-    return last if last and last.details["after_events"] >= own else None

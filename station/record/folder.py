@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock, utc_now
 from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
-from station.record.events import RESUMED, Event, EventLog, read_events
+from station.record.events import Event, EventLog, guardian_events, read_events
 from station.record.files import json_text, write_whole_file
 from station.record.later import named_revisions, seal
 from station.record.layout import (
@@ -29,6 +29,7 @@ from station.record.layout import (
     raw_file,
     run_lock,
 )
+from station.record.run_state import RunState
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -199,16 +200,18 @@ class RunFolder:
 
         return state_of(self, whole=True)
 
+    @cached_property
+    def state(self) -> RunState:
+        """What the run did, and how it left its bench, by its log and its guardian's."""
+        return RunState(self.events, guardian_events(self.path))
+
     def finished_units(self) -> dict[str, dict[str, Any]]:
         """Return the details of each finished unit of work, in the order they were finished.
 
         Those that are left out are not among them.
         """
-        return {
-            event.details["unit"]: event.details
-            for event in self.events
-            if event.kind == "unit-finished" and event.details["unit"] not in self.left_out
-        }
+        units = self.state.units.items()
+        return {unit: details for unit, details in units if unit not in self.left_out}
 
     def leave_out(self, units: Iterable[str]) -> None:
         """Have finished units of work count as not measured."""
@@ -242,11 +245,6 @@ class RunFolder:
     def events_of(self, kind: str) -> Iterator[Event]:
         """Yield the events of one kind."""
         return (event for event in self.events if event.kind == kind)
-
-    def of_last_process(self, kind: str) -> list[Event]:
-        """Return the events of one kind since the run was begun, or last resumed."""
-        since = max((k for k, event in enumerate(self.events) if event.kind == RESUMED), default=0)
-        return [event for event in self.events[since:] if event.kind == kind]
 
     def rows(self, source: str, unit: str) -> NDArray[Any]:
         """Return a unit's raw rows of one source as a structured array, shape (rows,).

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, repeat
@@ -57,6 +57,7 @@ from station.record.raw_damage import (
     source_of,
     spans_of,
 )
+from station.record.run_state import RunState
 
 if TYPE_CHECKING:
     from station.record.raw import RawIndex
@@ -75,6 +76,11 @@ class OpenedRecord(Protocol):
 
     path: Path
     events: tuple[Event, ...]
+
+    @property
+    def state(self) -> RunState:
+        """What the run did, by its log."""
+        ...
 
     def events_of(self, kind: str) -> Iterator[Event]:
         """Yield the events of one kind."""
@@ -230,7 +236,7 @@ def state_of(folder: OpenedRecord, *, whole: bool) -> FolderState:
     lines = (path / EVENTS).read_bytes().split(b"\n")[:-1]
     heads = tuple(hashlib.sha256(line).hexdigest() for line in lines)
     no_manifest = not (path / MANIFEST).is_file() and not going_on
-    owed = no_manifest and _owes_manifest(folder.events)
+    owed = no_manifest and _owes_manifest(folder.state)
     try:
         listed = covered_files(path)
     except DamagedRecord as error:
@@ -241,7 +247,7 @@ def state_of(folder: OpenedRecord, *, whole: bool) -> FolderState:
     if EVENTS in listed:
         grown, wrong = _log_against(folder, listed[EVENTS])
         altered += wrong
-    logged = _logged_files(folder.events)
+    logged = _logged_files(folder.state.process.recorded_later)
     inputs = _recorded(folder)
     for name, digest in logged.items():
         if listed.get(name, digest) != digest:
@@ -303,14 +309,12 @@ def _makes_results(name: str, inputs: Mapping[str, str]) -> bool:
     return name in USED or name in inputs or name.startswith(f"{RAW}/")
 
 
-def _owes_manifest(events: Sequence[Event]) -> bool:
+def _owes_manifest(run: RunState) -> bool:
     """Whether the last process of a run came to where a manifest is written."""
-    since = max((n for n, event in enumerate(events) if event.kind == RESUMED), default=0)
-    return any(
+    return run.measured or any(
         event.kind == SIGNED
-        or (event.kind == "run-ended" and event.details.get("complete"))
         or (event.kind == REVISED and event.details["revision"] == OWN_REVISION)
-        for event in events[since:]
+        for event in run.process.recorded_later
     )
 
 
@@ -330,10 +334,7 @@ def _logged_files(events: Iterable[Event]) -> dict[str, str]:
     """Return the SHA-256 that the log has of files since the run went on last; the first counts."""
     logged: dict[str, str] = {}
     for event in events:
-        if event.kind == RESUMED:
-            logged.clear()
-        elif event.kind in RECORDED_LATER:
-            logged = {**event.details.get("files", {}), **logged}
+        logged = {**event.details.get("files", {}), **logged}
     return logged
 
 
@@ -389,8 +390,7 @@ def _altered_inputs(folder: OpenedRecord) -> Iterator[str]:
 
 def _recorded(folder: OpenedRecord) -> dict[str, str]:
     """Return the SHA-256 that the log has of plan, bench, and each file that the plan named."""
-    began = next(folder.events_of("run-started"), None)
-    sums: dict[str, str] = began.details.get("sha256", {}) if began else {}
+    sums: dict[str, str] = folder.state.planned.get("sha256", {})
     return sums
 
 

@@ -11,7 +11,6 @@ from station.files.plan import Plan, read_plan
 from station.files.yaml.reading import read_yaml
 from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedures
-from station.record.events import SAFE_STATE, guardian_events, latest_safe_state
 from station.record.folder import RunFolder
 from station.record.layout import BENCH, EVENTS, PLAN
 from station.roles.role import role_of
@@ -44,9 +43,7 @@ def used_instruments(folder: RunFolder) -> list[str]:
 
 def left_out(folder: RunFolder) -> Mapping[str, str]:
     """Return the instruments that can harm and were not read back at the end, and why."""
-    ends = list(folder.events_of(SAFE_STATE))
-    left = ends[-1].details.get("left_out", ()) if ends else ()
-    return {entry["instrument"]: entry["why"] for entry in left}
+    return {entry["instrument"]: entry["why"] for entry in folder.state.left_out()}
 
 
 def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:
@@ -55,7 +52,7 @@ def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:
     A run that was killed left no word of its safe state. Where its guardian did not act in its
     place, it is all those of the bench's list.
     """
-    outcomes = latest_safe_state(folder.events, guardian_events(folder.path))
+    outcomes = folder.state.safe_state()
     if outcomes is None:
         listed = {name for name, _ in bench.safe_order()}
         return {

@@ -81,7 +81,7 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         operator=plan.operator or "",
         hashes=tuple(hash_rows(folder)),
         versions=tuple(version_rows(facts)),
-        complete=any(event.details["complete"] for event in folder.events_of("run-ended")),
+        complete=folder.state.measured,
     )
     return replace(certificate, number=f"{certificate.number}-{digest_of(certificate)}")
 

@@ -122,9 +122,7 @@ def flat_rows(data: Mapping[str, Any], before: str = "") -> Iterator[Row]:
 
 def speed_of(folder: RunFolder) -> float | None:
     """Return how many times as fast as real the time of a run went, None where it was virtual."""
-    started = next(iter(folder.events_of("run-started")), None)
-    speed = started.details.get("speed") if started else None
-    return None if speed is None else float(speed)
+    return folder.state.speed or None
 
 
 def simulation_sentences(bench: Bench, speed: float | None) -> tuple[str, ...]:

@@ -120,7 +120,7 @@ def junit_of(folder: RunFolder, document: ResultDocument) -> str:
         if flag.code == LIMIT_WITHOUT_RESULT:
             name = f"{flag.details['name']} {flag.axis or ''}".strip()
             add_error(suite, document.procedure, name, flag.code, flag.message)
-    if not any(event.details["complete"] for event in folder.events_of("run-ended")):
+    if not folder.state.measured:
         sentence = "the run did not go through all its steps; what it measured is evaluated here"
         add_error(suite, document.procedure, INCOMPLETE, INCOMPLETE, sentence)
     suite.set("tests", str(len(suite.findall("testcase"))))

@@ -14,13 +14,13 @@ from station import registry
 from station.clock import Clock, system_clock_synchronised, utc_now
 from station.console import tell
 from station.control.signals import wishes_held
-from station.control.status import RUN_STARTED
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
 from station.files.plan import Plan
 from station.files.plan.resolved import resolved_text
 from station.files.yaml.document import yaml_text
 from station.instruments.bench import Bench
 from station.procedure import Procedure, Prompt, procedure_of
+from station.record.events import RUN_STARTED
 from station.record.files import json_text, write_whole_file
 from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from station.clock import Clock, boot_seconds, local_time
 from station.console import span, tell
-from station.control.status import FinishedUnit, time_left_s
+from station.record.run_state import FinishedUnit, time_left_s
 
 if TYPE_CHECKING:
     from station.view.screen import Screen

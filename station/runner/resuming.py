@@ -11,13 +11,12 @@ from typing import Any
 from station import registry
 from station.clock import RealClock, utc_now
 from station.console import span
-from station.control.status import RUN_STARTED
 from station.errors import InputError
 from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
 from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedure, Prompt, procedure_of
-from station.record.events import LEFT_FOR_THE_END, RESUMED, of_the_run
+from station.record.events import RESUMED, of_the_run
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
@@ -79,7 +78,7 @@ def resume(request: ResumeRequest) -> Outcome:
     """
     refuse_while_guarded(request.folder)
     folder = RunFolder(request.folder)
-    if next(folder.events_of(RUN_STARTED), None) is None:
+    if not folder.state.planned:
         raise InputError(f"{folder.path} never began; start it with `station run`")
     folder.damage.refuse_altered()
     plan, recorded_bench = read_plan_and_bench(folder)
@@ -91,7 +90,7 @@ def resume(request: ResumeRequest) -> Outcome:
     facts = folder.run_facts()
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
     refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
-    if is_measured(folder):
+    if folder.state.measured:
         outcome = evaluate_only(folder, request)
         remember_drift(bench, bench_file, outcome.document, folder.path)
         return outcome
@@ -170,8 +169,7 @@ def refuse_while_guarded(folder: Path) -> None:
 def evaluate_only(folder: RunFolder, request: ResumeRequest) -> Outcome:
     """Evaluate a run that was measured to its end and then interrupted; raises InputError."""
     left = [
-        Prompt(event.details["id"], event.details["text"])
-        for event in folder.of_last_process(LEFT_FOR_THE_END)
+        Prompt(details["id"], details["text"]) for details in folder.state.process.left_for_the_end
     ]
     operator = Operator(RealClock(), request.answers, interactive=request.interactive, act=None)
     evaluated = (folder.path / RESULTS).is_file()
@@ -229,18 +227,12 @@ def refuse_another_world(
     )
 
 
-def is_measured(folder: RunFolder) -> bool:
-    """Whether every step was done and only the evaluation is missing."""
-    ended = folder.of_last_process("run-ended")
-    return bool(ended) and bool(ended[-1].details["complete"])
-
-
 def past_of(folder: RunFolder, *, again: bool) -> Past:
     """Return what the folder holds already; `again`: the acts of a person must be done again."""
     answered = {
-        event.details["id"]: event.details["answer"]
-        for event in folder.events_of("prompt")
-        if not again and event.details.get("of") != "driver"
+        details["id"]: details["answer"]
+        for details in folder.state.answered
+        if not again and details.get("of") != "driver"
     }
     return Past(folder.finished_units(), answered)
 

@@ -15,8 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from station.console import span
-from station.control.run_reader import GOES_ON, NOTHING_LIVE, Times, sentence_of_now
+from station.control.run_reader import NOTHING_LIVE, Times, sentence_of_now
 from station.record.events import whole_bench
+from station.record.run_state import GOES_ON
 from station.record.series import Trace
 from station.view.marks import Marks
 from station.view.sparkline import sparkline

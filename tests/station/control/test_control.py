@@ -36,8 +36,6 @@ from station.errors import Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
 from station.panel.wishes import Wishes
 from station.procedure import Prompt
-from station.record.events import Event as LogEvent
-from station.record.events import is_paused, paused_s
 from station.record.folder import RunRecord
 from station.runner.operator import Operator
 from station.runner.progress import Progress
@@ -518,19 +516,6 @@ def test_ctrl_c_at_a_pause_says_that_the_run_goes_on(
     monkeypatch.setattr(controlling, "ask", pressed)
     with pytest.raises(Aborted, match="withdrawn; the run goes on"):
         controlling.pause_run(tmp_path, as_json=False)
-
-
-def test_the_time_of_a_pause_is_no_progress() -> None:
-    def log(*told: tuple[float, str]) -> list[LogEvent]:
-        return [LogEvent(time_s, kind, {}) for time_s, kind in told]
-
-    paused = log((1.0, "step-started"), (3.0, "paused"))
-    assert is_paused(paused)
-    assert paused_s(paused, 1.0, 10.0) == 7.0
-    went_on = [*paused, *log((5.0, "went-on"), (6.0, "paused"), (8.0, "failed"))]
-    assert not is_paused(went_on)
-    assert paused_s(went_on, 0.0, 20.0) == 4.0
-    assert paused_s(went_on, 4.0, 20.0) == 3.0
 
 
 if sys.platform == "win32":

@@ -16,12 +16,13 @@ from command_line import station_command
 from served_bench import served_bench
 
 from station.clock import VirtualClock
-from station.control.status import FinishedUnit, newest_run, read_status, time_left_s
+from station.control.status import newest_run, read_status
 from station.errors import InputError, RecordError
 from station.files.locks import FileLock, LockHeld, is_held
 from station.record.events import EventLog, read_events
 from station.record.folder import RunFolder, RunRecord
 from station.record.layout import LOCK
+from station.record.run_state import FinishedUnit, time_left_s
 
 SPEED = 5.0
 GIVES_UP_AFTER_S = 60.0

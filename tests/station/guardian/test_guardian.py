@@ -27,11 +27,12 @@ from station.files.lookup import BENCHES, find
 from station.files.yaml.document import yaml_text
 from station.guardian.supervisor import Guardian, GuardianFailed
 from station.instruments.bench import read_bench
-from station.record.events import REVISED, Event, guardian_events, latest_safe_state
+from station.record.events import REVISED, Event, guardian_events
 from station.record.folder import RunFolder
 from station.record.later import record_later
 from station.record.layout import GUARDIAN_LOG, MANIFEST, write_manifest
 from station.record.recorded import left_unverified, read_plan_and_bench
+from station.record.run_state import RunState
 from station.safety.acknowledgement import unacknowledged
 
 if sys.platform != "linux":
@@ -217,26 +218,26 @@ def of_guardian(after_events: int, *, safe: bool) -> Event:
 def test_the_guardians_word_counts_until_instruments_are_opened_again() -> None:
     killed = of_run("run-started", "identified")
     word = of_guardian(2, safe=False)
-    assert latest_safe_state(killed, [word]) == [outcome(False)]
+    assert RunState(killed, [word]).safe_state() == [outcome(False)]
     resumed = [*killed, *of_run("resumed")]
-    assert latest_safe_state(resumed, [word]) == [outcome(False)]
+    assert RunState(resumed, [word]).safe_state() == [outcome(False)]
     opened = [*resumed, *of_run("identified")]
-    assert latest_safe_state(opened, [word]) is None
+    assert RunState(opened, [word]).safe_state() is None
     ended = [*opened, *of_run("safe-state")]
-    assert latest_safe_state(ended, [word]) == [outcome(True)]
+    assert RunState(ended, [word]).safe_state() == [outcome(True)]
 
 
 def test_a_resumed_run_that_opened_nothing_changes_nothing_about_the_bench() -> None:
     resumed = of_run("identified", "resumed")
     nothing = Event(0.0, "safe-state", {"outcomes": []})
     word = of_guardian(1, safe=False)
-    assert latest_safe_state([*resumed, nothing], [word]) == [outcome(False)]
-    assert latest_safe_state([nothing], []) == []
+    assert RunState([*resumed, nothing], [word]).safe_state() == [outcome(False)]
+    assert RunState([nothing], []).safe_state() == []
 
 
 def test_a_guardian_that_acts_after_the_runs_own_safe_state_has_the_last_word() -> None:
     own = of_run("identified", "safe-state")
-    assert latest_safe_state(own, [of_guardian(2, safe=False)]) == [outcome(False)]
+    assert RunState(own, [of_guardian(2, safe=False)]).safe_state() == [outcome(False)]
 
 
 def test_a_run_that_stands_still_is_ended_and_its_bench_made_safe(

@@ -13,13 +13,14 @@ import pytest
 from panel_server import Served, panel
 
 from station.cli.looking import listed_run
-from station.control.status import in_words, last_message, read_status
+from station.control.status import read_status
 from station.errors import InputError
 from station.panel import app
 from station.panel.streams import MOST_STREAMS
 from station.panel.watching import RunWatch
-from station.record.events import Event
+from station.record.events import Event, in_words
 from station.record.run_list import entry_of
+from station.record.run_state import RunState
 
 NAME = "20260101T000000Z-foreign"
 DEEP = "[" * 100_000
@@ -177,7 +178,7 @@ def test_many_pages_of_one_browser_leave_a_connection_for_an_abort(served: Serve
 
 def test_a_run_that_could_not_log_its_failure_is_not_said_to_be_done() -> None:
     assert in_words(Event(1.0, "run-ended", {"complete": True})) == "all steps are done"
-    assert "look at the bench" in last_message([Event(1.0, "run-ended", {"complete": False})])
+    assert "look at the bench" in RunState([Event(1.0, "run-ended", {"complete": False})]).message()
 
 
 @pytest.mark.parametrize(

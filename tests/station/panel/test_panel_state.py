@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from panel_server import panel
 
-from station.cli.controlling import rest_of_step_s
 from station.clock import utc_now
-from station.control.status import read_status
+from station.control.status import read_state, read_status
 from station.files.locks import FileLock
 from station.panel import app
 from station.panel.watching import RunWatch
@@ -49,7 +48,7 @@ def test_a_bench_that_was_served_for_long_changes_no_time_of_a_run(tmp_path: Pat
     lock = FileLock(run_of_a_minute_ago(tmp_path, began_s) / "run.lock")
     state = json.loads(dict(RunWatch(tmp_path).news({}))["state"])
     status = read_status(tmp_path)
-    rest_s = rest_of_step_s(tmp_path, status)
+    rest_s = read_state(tmp_path).rest_of_step_s(began_s + status.run_time_s)
     lock.release()
     assert state["began_s"] == began_s
     assert 120 <= state["time_s"] < 200 and 400 < state["left_s"] <= 480

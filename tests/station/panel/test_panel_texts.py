@@ -12,8 +12,8 @@ from browser import Page, chromium
 from panel_server import Served, panel
 from selenium.webdriver.support.ui import Select
 
-from station.control.status import SENTENCES
 from station.panel.app import PAGES
+from station.record.run_state import SENTENCES
 from station.texts import ENGLISH, PANEL, catalogue, languages, preferred
 
 CALL = re.compile(r'\bt\("((?:[^"\\]|\\.)*)"')

@@ -34,13 +34,12 @@ from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
 from station.cli.running import report_outcome
 from station.clock import VirtualClock
-from station.control.status import RUN_STARTED
 from station.errors import StationError
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
 from station.method.work import POLL_S
 from station.procedure import Step, procedure_of
-from station.record.events import of_the_run
+from station.record.events import RUN_STARTED, of_the_run
 from station.record.folder import RunFolder, RunRecord
 from station.runner.evaluation import evaluate_run
 from station.runner.execute import Request, conclude, execute, head_of, inputs_of, what_is_planned
