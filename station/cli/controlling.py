@@ -206,7 +206,7 @@ def end_guardian(run: Path, guardian: AtWork, timeout_s: float, *, as_json: bool
     until_s = boot_seconds() + timeout_s
     while boot_seconds() < until_s:
         now = guardian_at_work(run)
-        if now is None or bool(now.waits_for) != goes_on:
+        if now is None or (now.waits_for and not goes_on):
             break
         RealClock().sleep(LOOKS_EVERY_S)
     return say_how_it_ended(run, *how_left(run), as_json=as_json)
@@ -252,6 +252,7 @@ def say_how_it_ended(
     for outcome in unverified:
         tell(
             f"NOT VERIFIED: {outcome['instrument']} could not be proven safe; switch it off by hand"
+            + ("; then `station acknowledge` the bench" if outcome.get("doubted") else "")
         )
     return exit_code
 

@@ -32,7 +32,7 @@ from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.resources import in_bytes
 from station.runner.resuming import ResumeRequest, resume
-from station.safety.witness import NOT_ASKED
+from station.safety.witness import not_asked
 
 if TYPE_CHECKING:
     from station.files.plan import Plan
@@ -187,9 +187,8 @@ def report_end(outcome: Outcome) -> None:
     if outcome.left_to:
         tell(outcome.left_to)
     for report in outcome.witness_reports:
-        if report.agrees is None:
-            why = report.sentence.removeprefix(NOT_ASKED)
-            tell(f"the {report.instrument} was not asked whether what it sees is off: {why}")
+        if words := not_asked(report):
+            tell(words)
     for reading in outcome.safe:
         if reading.skipped:
             tell(f"{reading.instrument}: {reading.skipped}")
@@ -203,9 +202,8 @@ def report_end(outcome: Outcome) -> None:
         tell(not_known(left_out))
     tell(f"run folder: {outcome.folder}")
     if outcome.error is not None and outcome.document is None:
-        first = (
-            "; first `station acknowledge` the bench" if outcome.exit_code == EXIT_INTERLOCK else ""
-        )
+        refused = outcome.exit_code == EXIT_INTERLOCK or outcome.doubted
+        first = "; first `station acknowledge` the bench" if refused else ""
         tell(f"to go on where it stopped: station resume {quote(str(outcome.folder))}{first}")
 
 

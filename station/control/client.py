@@ -22,6 +22,7 @@ LISTENS_WITHIN_S = 2.0
 LOOKS_EVERY_S = 0.05
 ANSWERS_WITHIN_S = 5.0
 """Until it says anything at all; the last word may take a unit of work."""
+BENCH_UNKNOWN = "nobody has read its bench back as safe: look at it, switch off by hand what is on"
 LISTENS_TO_NOBODY = (
     "a process is at work on it but does not listen here: it is past its last step, or was "
     "started by another user or on another computer; use Ctrl-C in its own terminal"
@@ -107,11 +108,14 @@ def connected(folder: Path) -> tuple[Connection, bytes]:
 
 def not_running(folder: Path) -> str:
     """Say how a run stands that no process is at work on, and what to do."""
-    state = read_status(folder).state
+    status = read_status(folder)
+    state = status.state
     if state == "finished":
         return f"{folder}: the run is not running: it is finished"
     state_text = SENTENCES[state].partition(":")[0]
-    return f"{folder}: the run is not running ({state_text}); `station resume {folder}` resumes it"
+    bench = "" if status.bench_safe else f"; {BENCH_UNKNOWN}"
+    again = f"`station resume {folder}` resumes it"
+    return f"{folder}: the run is not running ({state_text}){bench}; {again}"
 
 
 def prove(folder: Path, connection: Connection, key: bytes) -> None:

@@ -32,7 +32,7 @@ from station.record.events import AT_REST_AGAIN, BENCH_READ, LEFT, SAFE_STATE, w
 from station.roles.base import MadeSafe
 from station.safety.acknowledgement import WITNESS, remember
 from station.safety.safe_state import ATTEMPTS, Hurry, SafeOutcome, make_bench_safe
-from station.safety.witness import Sighting, judge
+from station.safety.witness import Sighting, WitnessReport, judge, not_asked
 
 ENDS_WITHIN_S, LEAVES_WITHIN_S = 10.0, 5.0
 FIRST_ATTEMPTS = 4
@@ -148,7 +148,7 @@ class MakeSafe:
         self._at_work.end()
         peer.say(DONE)
         self._beating.set()
-        self._words.tell(summary(list(outcomes.values()), others, look.when))
+        self._words.tell(summary(list(outcomes.values()), others, look.when, look.witness_reports))
         if peer.process is not None:  # one that stands still would keep the instruments
             let_end(peer.process, LEAVES_WITHIN_S)
         notes.close()
@@ -163,14 +163,21 @@ class MakeSafe:
         What a witness alone contradicts is named, and tried no more: it may be wrong itself.
         """
         outcomes: dict[str, SafeOutcome] = {}
+        attempts = 0
         while True:
-            outcomes = self._until_safe(wanted, notes, outcomes)
+            attempts = self._until_safe(wanted, notes, outcomes, attempts)
+            ends = self._leave.is_set()
             look = self._look_last(outcomes, notes)
             outcomes |= {outcome.instrument: outcome for outcome in look.used}
-            if not self._leave.is_set() and not all(map(is_verified, outcomes.values())):
+            proven = all(map(is_verified, outcomes.values()))
+            if not proven:
                 notes.note(SAFE_STATE, outcomes=[o.to_data() for o in outcomes.values()])
-            if all(map(is_settled, outcomes.values())) or self._leave.is_set():
+            if ends and not proven:
+                notes.note(LEFT, message="a person ended the guardian")
+            if ends or all(map(is_settled, outcomes.values())):
                 return outcomes, look
+            if attempts >= FIRST_ATTEMPTS:
+                self._say_what_is_left(outcomes)
 
     def _look_last(self, outcomes: Mapping[str, SafeOutcome], notes: Notes) -> LastLook:
         """Open everything once more and look; what cannot be opened is not verified."""
@@ -226,15 +233,22 @@ class MakeSafe:
                 remember(self._bench_file, WITNESS, words, self._folder, instruments)
 
     def _until_safe(
-        self, wanted: Sequence[str], notes: Notes, before: Mapping[str, SafeOutcome]
-    ) -> dict[str, SafeOutcome]:
-        """Try until everything is verified, or a person ends it."""
-        outcomes: dict[str, SafeOutcome] = dict(before)
-        attempt, known = 0, ""
+        self,
+        wanted: Sequence[str],
+        notes: Notes,
+        outcomes: dict[str, SafeOutcome],
+        attempt: int,
+    ) -> int:
+        """Try until all is settled, a person ends it, or the first attempts are made.
+
+        `attempt` were made before; what is verified is to be looked at once, whatever else is left.
+        Return how many have been made, with their `outcomes`.
+        """
+        known = shape_of(outcomes)
         while True:
-            left = [name for name in wanted if not is_verified(outcomes.get(name))]
+            left = [name for name in wanted if not is_settled(outcomes.get(name))]
             if attempt and not left:
-                return outcomes
+                return attempt
             last = self._leave.is_set()
             self._allow(len(left))
             self._pause(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
@@ -243,12 +257,11 @@ class MakeSafe:
             if (now := shape_of(outcomes)) != known or attempt <= FIRST_ATTEMPTS:
                 data = [outcomes[name].to_data() for name in wanted]
                 notes.note(SAFE_STATE, attempt=attempt, outcomes=data)
-            if attempt == FIRST_ATTEMPTS or (attempt > FIRST_ATTEMPTS and now != known):
+            if attempt > FIRST_ATTEMPTS and now != known:
                 self._say_what_is_left(outcomes)
             known = now
-            if last:
-                notes.note(LEFT, message="a person ended the guardian")
-                return outcomes
+            if last or attempt == FIRST_ATTEMPTS:
+                return attempt
 
     def _read_others(self, names: Sequence[str], only: Sequence[str] | None) -> BenchReading:
         """Read what else on the bench can harm, where there is room for the threads of that."""
@@ -350,7 +363,10 @@ def shape_of(outcomes: Mapping[str, SafeOutcome]) -> str:
 
 
 def summary(
-    outcomes: Sequence[SafeOutcome], others: BenchReading | None = None, when: str = ""
+    outcomes: Sequence[SafeOutcome],
+    others: BenchReading | None = None,
+    when: str = "",
+    witness_reports: Sequence[WitnessReport] = (),
 ) -> str:
     """Return what an operator must know of how the bench was left, `when` it was looked at last.
 
@@ -361,7 +377,8 @@ def summary(
     if not unverified:
         read_back = "; ".join(f"{outcome.instrument} {outcome.read_back}" for outcome in outcomes)
         whole = whole_bench(left.to_data() for left in others.left_out)
-        return f"{whole}: {read_back or 'nothing can harm'}{when}"
+        unasked = "".join(f"\n  - {words}" for words in map(not_asked, witness_reports) if words)
+        return f"{whole}: {read_back or 'nothing can harm'}{when}{unasked}"
     read_back = "".join(
         f"\n  - {outcome.instrument}: {outcome.read_back}" for outcome in unverified
     )

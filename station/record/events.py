@@ -184,6 +184,8 @@ def recorded_in_words(event: Event) -> str:
 
 SAFE_STATE = "safe-state"
 BENCH_READ = "bench-read"
+WITNESS_READ = "witness-read"
+"""What a second instrument saw before anything was energised."""
 TIME_MISSED = "time-missed"
 """The run's process, and whoever watches it, did not run for a while."""
 AT_REST_AGAIN = "at-rest-again"

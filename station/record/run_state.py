@@ -7,6 +7,7 @@ lock: whether a process holds the run's lock, and whether a guardian is at work,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -123,6 +124,8 @@ class RunState:
         self.units: dict[str, dict[str, Any]] = {}
         """The details of each finished unit of work, in the order they were finished."""
         self.answered: list[dict[str, Any]] = []
+        self.witnessed: dict[str, list[float]] = {}
+        """What each witness saw before the run energised anything, NaN what it does not see."""
         self.process = Process()
         self.of_guardian: tuple[Event, ...] = ()
         self._count = 0
@@ -153,6 +156,9 @@ class RunState:
                 self.process = process = Process(self._count)
             case "identified":
                 self._opened, self._rests = self._count, []
+            case "witness-read":
+                before = [math.nan if value is None else value for value in details["before"]]
+                self.witnessed.setdefault(details["instrument"], before)
             case "step-started":
                 self.step, process.step = details, details["step"]
                 process.step_began_s[details["step"]] = event.time_s

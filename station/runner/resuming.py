@@ -234,7 +234,7 @@ def past_of(folder: RunFolder, *, again: bool) -> Past:
         for details in folder.state.answered
         if not again and details.get("of") != "driver"
     }
-    return Past(folder.finished_units(), answered)
+    return Past(folder.finished_units(), answered, folder.state.witnessed)
 
 
 def silent_since(folder: RunFolder) -> float:

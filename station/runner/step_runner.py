@@ -20,7 +20,7 @@ from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Identified, open_instruments, put_settings_back
 from station.instruments.whole_bench import BenchReading, Bystanders, read_used
-from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED
+from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED, WITNESS_READ
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
@@ -269,6 +269,11 @@ class StepRunner:
             run.progress.say(f"WARNING: not read before the run: {left.said}")
         read.refuse_energised()
         run.witnesses.open(run.instruments)
+        for sighting in run.witnesses.sightings.values():
+            seen = [value if math.isfinite(value) else None for value in sighting.before]
+            run.record.event(
+                WITNESS_READ, instrument=sighting.instrument, unit=sighting.unit, before=seen
+            )
 
     def _bring_to_rest(self, outcome: Outcome, signals: AbortSignals) -> LastLook:
         """Make the bench safe, put settings back, and look at everything once more.

@@ -109,6 +109,11 @@ def remember(
     `instruments` are those of a real bench that this concerns: address to model and serial number,
     as they state them. None remembers it for the bench file.
     """
+    place = place_of(bench)
+    keys = list(keys_of(instruments or {}))
+    if not keys and place.exists():  # what nobody has acknowledged yet stays
+        earlier = read_note(place).message
+        message = earlier if message in earlier else f"{earlier}; {message}"
     tripped = Trip(
         str(bench.resolve()),
         name,
@@ -117,11 +122,9 @@ def remember(
         str(run.resolve()),
     )
     text = json.dumps(asdict(tripped), indent=1, ensure_ascii=False) + "\n"
-    keys = list(keys_of(instruments or {}))
     if keys:
         trip_notes.write(places(), keys, trip_notes.digest(text), text)
         return
-    place = place_of(bench)
     place.parent.mkdir(parents=True, exist_ok=True)
     being_written = place.with_suffix(".new")
     being_written.write_text(text, encoding="utf-8")

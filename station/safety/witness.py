@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from station.errors import InstrumentError
+from station.errors import BenchEnergised, InstrumentError
 from station.roles.role import Witness, role, role_of
 from station.safety.safe_state import Hurried, unhurried
 
@@ -46,7 +46,7 @@ NOT_SEEN = "it saw no change of what was driven"
 @dataclass
 class Sighting:
     """What a witness saw, in `unit`: `before` anything was energised, by component, NaN what it
-    does not see; whether two readings then differed (`varies`); the largest change that was
+    does not see, and how far the readings then lay apart (`spread`); the largest change that was
     `expected` of each source that was driven, and that was seen of it; and why it cannot speak of
     the others.
     """
@@ -54,7 +54,7 @@ class Sighting:
     instrument: str
     unit: str
     before: list[float]
-    varies: bool = False
+    spread: float = 0.0
     expected: dict[str, float] = field(default_factory=dict)
     change: dict[str, float] = field(default_factory=dict)
     lost: dict[str, str] = field(default_factory=dict)
@@ -80,6 +80,14 @@ class WitnessReport:
         return asdict(self)
 
 
+def not_asked(report: WitnessReport) -> str:
+    """Return for a person that a witness was not asked, and why; empty where it was."""
+    if report.agrees is not None:
+        return ""
+    why = report.sentence.removeprefix(NOT_ASKED)
+    return f"the {report.instrument} was not asked whether what it sees is off: {why}"
+
+
 def witness_of(instance: str) -> Witness | None:
     """Return what the role of an instrument declares of it as a witness."""
     declared = role(role_of(instance))
@@ -102,11 +110,13 @@ def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> Witnes
         looks = several_looks(name, instrument, clock, LOOKS)
     except InstrumentError as error:
         return WitnessReport(name, sources, None, f"{NOT_ASKED}{error}")
+    if sighting.change:  # nothing was turned since
+        looks = [as_turned(look, sighting.before) for look in looks]
     left = [distance(look, sighting.before) for look in looks]
     if any(map(math.isnan, left)):
         return WitnessReport(name, sources, None, f"{NOT_ASKED}{NOT_ALIKE}")
     most = sorted(left)[-2]
-    if sighting.varies and stand_still(looks) and most > 0.0:
+    if sighting.spread and 0.0 < most < math.inf and stand_still(looks):
         return WitnessReport(name, sources, None, f"{NOT_ASKED}its readings stand still")
     if not sighting.change:
         return _of_unseen(sighting, sources, most)
@@ -134,6 +144,18 @@ def several_looks(name: str, instrument: object, clock: Clock, looks: int) -> li
     return seen
 
 
+def as_turned(now: Sequence[float], before: Sequence[float]) -> list[float]:
+    """Return components by the axis that a probe of one axis has.
+
+    A driver that has just been opened does not know how its probe is turned.
+    """
+    seen = [value for value in now if not math.isnan(value)]
+    known = [number for number, value in enumerate(before) if not math.isnan(value)]
+    if len(seen) != 1 or len(known) != 1:
+        return list(now)
+    return [seen[0] if number in known else math.nan for number in range(len(before))]
+
+
 def stand_still(looks: Sequence[Sequence[float]]) -> bool:
     """Whether all looks gave the same to the last digit."""
     return len({tuple(map(repr, look)) for look in looks}) == 1
@@ -145,15 +167,17 @@ def _of_unseen(sighting: Sighting, sources: Sequence[str], most: float) -> Witne
     What is far more than any turn of it could make of what was there before is theirs.
     """
     name, unit = sighting.instrument, sighting.unit
-    least = max(
-        LEAST_SEEN * max(sighting.expected.values()), TURNED * distance(sighting.before, [0.0] * 3)
-    )
-    if most > least:
+    if most > beyond_turning(max(sighting.expected.values()), sighting.before):
         return WitnessReport(
             name, sources, False, f"it is {amount(most, unit)} off what it was before"
         )
     reasons = "; ".join(dict.fromkeys(sighting.lost.values()))
     return WitnessReport(name, (), None, f"{NOT_ASKED}{reasons or NOT_SEEN}")
+
+
+def beyond_turning(expected: float, before: Sequence[float]) -> float:
+    """Return the change that no turn of a witness makes of what was there before."""
+    return max(LEAST_SEEN * expected, TURNED * distance(before, [0.0] * len(before)))
 
 
 def read_now(name: str, instrument: object) -> list[float]:
@@ -179,11 +203,13 @@ def distance(now: Sequence[float], before: Sequence[float]) -> float:
 class Witnesses:
     """The witnesses among a run's instruments, and what each saw of the sources that are driven.
 
-    Those who are informed get the sightings as plain data whenever they changed.
+    `earlier` is what they saw before an earlier process of the same run energised anything. Those
+    who are informed get the sightings as plain data whenever they changed.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, earlier: Mapping[str, Sequence[float]] | None = None) -> None:
         self._clock = clock
+        self._earlier = dict(earlier or {})
         self.sightings: dict[str, Sighting] = {}
         self._instruments: dict[str, object] = {}
         self._driven: dict[str, Mapping[str, float]] = {}
@@ -211,12 +237,14 @@ class Witnesses:
         """Take note that a source is about to be driven; none is any more where all expect zero.
 
         `expected`: the change that each witness should see of it. A witness that was moved is read
-        once more first. Raises InstrumentError.
+        once more first. Raises InstrumentError, and BenchEnergised where one sees that something
+        is on already.
         """
         if not any(expected.values()):
             self._driven.pop(source, None)
             return
-        if not self._driven:
+        first = not self._driven
+        if first:
             for name in sorted(self._to_read):
                 self._read_before(name)
             self._to_read.clear()
@@ -226,6 +254,37 @@ class Witnesses:
             if expected.get(name, 0.0) > sighting.expected.get(source, 0.0):
                 sighting.expected[source] = expected[name]
                 self._inform()
+        if first:
+            self._refuse_energised(expected)
+
+    def _refuse_energised(self, expected: Mapping[str, float]) -> None:
+        """Raise BenchEnergised where a witness sees what is left by an earlier process, or a sine.
+
+        The end of the run then holds the bench against what was there before all of it.
+        """
+        energised = []
+        for name, sighting in self.sightings.items():
+            of_source, unit = expected.get(name, 0.0), sighting.unit
+            earlier = self._earlier.get(name, ())
+            least = LEAST_SEEN * of_source
+            if of_source and sighting.spread > least and (now := self._swings(name)) > least:
+                energised.append(f"what the {name} sees: its readings differ by {now:.3g} {unit}")
+            elif of_source and earlier:
+                change = distance(as_turned(sighting.before, earlier), earlier)
+                if change > beyond_turning(of_source, earlier):
+                    sighting.before = list(earlier)
+                    energised.append(
+                        f"what the {name} sees: {change:.3g} {unit} more than before the run began"
+                    )
+        if energised:
+            self._inform()
+            raise BenchEnergised(energised)
+
+    def _swings(self, name: str) -> float:
+        """Return how far readings lie from their middle now; one of them may be wild."""
+        looks = several_looks(name, self._instruments[name], self._clock, LOOKS)
+        middle = [sorted(component)[LOOKS // 2] for component in zip(*looks, strict=True)]
+        return sorted(distance(look, middle) for look in looks)[-2]
 
     def moved(self, why: str, witness: str = "") -> None:
         """Forget what was seen: somebody or something moved. `witness`: only that one was."""
@@ -281,7 +340,8 @@ class Witnesses:
         looks = several_looks(name, self._instruments[name], self._clock, LOOKS_BEFORE)
         middle = [sorted(component)[LOOKS_BEFORE // 2] for component in zip(*looks, strict=True)]
         known = self.sightings.setdefault(name, Sighting(name, witness.unit, middle))
-        known.before, known.varies = middle, not stand_still(looks)
+        known.before = middle
+        known.spread = max(0.0, *(distance(look, looks[0]) for look in looks[1:]))
         known.expected.clear()
         self._inform()
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from campaign_helpers import whole_events
+from campaign_helpers import station, whole_events
 from guardian_helpers import GuardedRun, World, start_run, until, world
 
 from station import registry
@@ -25,6 +25,7 @@ from station.clock import RealClock, VirtualClock
 from station.control.status import read_status
 from station.files.lookup import BENCHES, find
 from station.files.yaml.document import yaml_text
+from station.guardian.notes import guardian_at_work
 from station.guardian.supervisor import Guardian, GuardianFailed
 from station.instruments.bench import read_bench
 from station.record.events import REVISED, Event, guardian_events
@@ -111,6 +112,59 @@ def test_a_supply_that_lies_to_the_guardian_is_contradicted_by_the_field(
     (doubted,) = [one for one in run.made_safe()["outcomes"] if not one["verified"]]
     assert (doubted["instrument"], doubted["doubted"]) == ("coil_supply.x", True)
     assert unacknowledged(find(BENCHES, "sim")) is not None
+
+
+@pytest.mark.campaign
+def test_a_supply_that_comes_on_again_and_again_is_named_and_left_when_a_person_asks(
+    tmp_path: Path,
+) -> None:
+    with world(tmp_path, speed=5.0) as served:
+        run = start_run(served, tmp_path / "runs", "coil_supply.x")
+        served.inject(instrument="coil_supply.x", fault="comes-back", after="2 s", times=100000)
+        run.end_by(signal.SIGKILL)
+
+        def goes_on() -> bool:
+            at_work = guardian_at_work(run.folder)
+            return at_work is not None and at_work.waits_for == ("coil_supply.x",)
+
+        until(goes_on)
+        ended = station("abort", run.folder)
+        said = run.wait_for_guardian()
+        assert not served.at_rest("x")
+    assert ended.returncode == 3
+    assert "NOT VERIFIED: coil_supply.x" in ended.stderr
+    assert "NOT VERIFIED as safe" in said
+    status = read_status(run.folder)
+    assert status.bench_safe is False
+    assert "could not verify as safe, and was ended by a person" in status.message
+
+
+@pytest.mark.campaign
+def test_one_supply_out_of_reach_hides_no_other_that_lies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    with world(tmp_path) as served:
+        coils = ("coil_supply.x", "coil_supply.y", "gaussmeter")
+        run = start_run(served, tmp_path / "runs", *coils)
+        until(lambda: abs(served.report()["coils"]["x"]["current_A"]) > 4.0)
+        time.sleep(3.0)  # the witness has seen it
+        served.inject(instrument="coil_supply.x", fault="lies")
+        served.inject(instrument="coil_supply.y", fault="port-gone")
+        run.end_by(signal.SIGKILL)
+
+        def doubted() -> list[str]:
+            log = run.folder / "guardian.jsonl"
+            events = run.guardian_log() if log.is_file() else []
+            outcomes = [one for event in events for one in event.get("outcomes", ())]
+            return [one["instrument"] for one in outcomes if one.get("doubted")]
+
+        until(doubted)
+        assert set(doubted()) == {"coil_supply.x"}
+        station("abort", run.folder)
+        said = run.wait_for_guardian()
+    assert "coil_supply.x: it reads back output off" in said
+    assert "coil_supply.y: " in said
 
 
 def test_status_and_analysis_learn_what_the_guardian_did(killed: Killed) -> None:

@@ -17,7 +17,7 @@ from faulted_runs import Entry, is_safe, run_with
 from tiers import quick
 
 from station.clock import RealClock
-from station.errors import InstrumentError, NotAcknowledged
+from station.errors import BenchEnergised, InstrumentError, NotAcknowledged
 from station.record.events import AT_REST_AGAIN, Event
 from station.record.folder import RunFolder
 from station.roles import GAUSSMETER as ROLE
@@ -200,6 +200,39 @@ def test_a_field_beyond_the_range_contradicts() -> None:
     assert report.sentence.startswith("more than its range in mT are left")
 
 
+def test_a_field_that_stays_beyond_the_range_contradicts_though_it_stands_still() -> None:
+    beyond = (math.inf, math.inf, math.inf)
+    report = asked(watched(Meter(*noisy(0.0, 2), *[beyond] * 5)))
+    assert report.agrees is False
+
+
+def test_a_sine_that_is_there_before_anything_is_driven_ends_the_run_unsafe() -> None:
+    meter = Meter(BEFORE_MT)
+    meter.readings_mT = [beside(value) for value in [0.0, 0.8, -0.7, 0.3, -0.2] * 3]
+    witnesses = Witnesses(CLOCK)
+    witnesses.open({METER: meter})
+    with pytest.raises(BenchEnergised, match="readings differ by"):
+        witnesses.drives(SUPPLY, {METER: 1.0})
+    assert asked(witnesses).agrees is False
+
+
+@pytest.mark.parametrize(
+    ("now_mT", "refused"), [(0.03, False), (-0.1, False), (0.5, True), (-0.9, True)]
+)
+def test_what_an_earlier_process_of_the_run_left_on_is_no_ambient(
+    now_mT: float, refused: bool
+) -> None:
+    witnesses = Witnesses(CLOCK, {METER: BEFORE_MT})
+    witnesses.open({METER: Meter(beside(now_mT))})
+    if not refused:
+        witnesses.drives(SUPPLY, {METER: 1.0})
+        return
+    with pytest.raises(BenchEnergised, match="more than before the run began"):
+        witnesses.drives(SUPPLY, {METER: 1.0})
+    report = asked(witnesses)
+    assert (report.agrees, list(report.sources)) == (False, [SUPPLY])
+
+
 def test_a_wild_reading_is_no_change_that_hides_what_is_left() -> None:
     witnesses = Witnesses(CLOCK)
     witnesses.open({METER: Meter(BEFORE_MT, beside(0.5))})
@@ -270,8 +303,10 @@ def test_a_probe_of_one_axis_is_judged_along_it_alone() -> None:
     sighting = Sighting(METER, "mT", [0.02, nan, nan], expected=seen, change=seen)
     assert judge(sighting, Meter((0.02, nan, nan)), CLOCK).agrees is True
     assert judge(sighting, Meter((0.6, nan, nan)), CLOCK).agrees is False
-    along_another = judge(sighting, Meter((nan, 0.6, nan)), CLOCK)
-    assert along_another.agrees is None
+    # A driver that a guardian has just opened does not know how the probe is turned.
+    assert judge(sighting, Meter((nan, 0.6, nan)), CLOCK).agrees is False
+    turned = Sighting(METER, "mT", [0.02, nan, nan], expected=seen, lost={SUPPLY: "it was turned"})
+    assert judge(turned, Meter((nan, 0.6, nan)), CLOCK).agrees is None
     assert judge(sighting, Meter(), CLOCK).agrees is None
     assert "cannot be reached" in judge(sighting, None, CLOCK).sentence
 
