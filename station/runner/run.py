@@ -156,15 +156,27 @@ class Run:
         if turns(command.instrument):
             self.witnesses.moved(f"the {command.instrument} turned since")
         else:
-            self.witnesses.drives(command.instrument, self._expected(command))
+            expected = self._expected(command.instrument, {**command.bounds(self.bench)})
+            self.witnesses.drives(command.instrument, expected)
         return command.apply(self, self._prepared.pop(command))
 
-    def _expected(self, command: Command[Any]) -> dict[str, float]:
-        """Return the change that each witness should see of a command, by witness."""
-        if witness_of(command.instrument) is not None:  # its range is no field that it makes
+    def refuse_energised(self) -> None:
+        """Raise BenchEnergised where a witness sees before the first step that something is on."""
+        ranges = self.envelope.ranges if self.envelope else {}
+        self.witnesses.refuse_energised(
+            {
+                source: self._expected(
+                    source, {name: max(map(abs, ends)) for name, ends in of.items()}
+                )
+                for source, of in ranges.items()
+            }
+        )
+
+    def _expected(self, source: str, bounds: Mapping[str, Any]) -> dict[str, float]:
+        """Return the change that each witness should see of a source's command, by witness."""
+        if witness_of(source) is not None:  # its range is no field that it makes
             return {}
-        bounds: dict[str, Any] = {**command.bounds(self.bench)}
-        settings = self.bench.instruments[command.instrument].settings
+        settings = self.bench.instruments[source].settings
         expected = {}
         for name in self.witnesses.sightings:
             if (witness := witness_of(name)) is not None:

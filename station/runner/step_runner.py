@@ -108,12 +108,12 @@ class StepRunner:
                 )
                 self._folder_watch = stack.enter_context(FolderWatch(run.record, run.clock))
             try:
+                run.envelope = self._procedure.envelope(run.parameters, run.bench)
                 self._guard()
                 self._open()
                 self._watch(signals)
                 if self._first is not None:
                     run.ask_again(self._first)
-                run.envelope = self._procedure.envelope(run.parameters, run.bench)
                 for step, duration in self._procedure.timed_steps(run.parameters):
                     run.do(step.number, step.title, duration.expected_s, step.body)
                 outcome.exit_code = 0
@@ -274,6 +274,7 @@ class StepRunner:
             run.record.event(
                 WITNESS_READ, instrument=sighting.instrument, unit=sighting.unit, before=seen
             )
+        run.refuse_energised()
 
     def _bring_to_rest(self, outcome: Outcome, signals: AbortSignals) -> LastLook:
         """Make the bench safe, put settings back, and look at everything once more.

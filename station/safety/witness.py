@@ -237,14 +237,12 @@ class Witnesses:
         """Take note that a source is about to be driven; none is any more where all expect zero.
 
         `expected`: the change that each witness should see of it. A witness that was moved is read
-        once more first. Raises InstrumentError, and BenchEnergised where one sees that something
-        is on already.
+        once more first. Raises InstrumentError.
         """
         if not any(expected.values()):
             self._driven.pop(source, None)
             return
-        first = not self._driven
-        if first:
+        if not self._driven:
             for name in sorted(self._to_read):
                 self._read_before(name)
             self._to_read.clear()
@@ -254,28 +252,34 @@ class Witnesses:
             if expected.get(name, 0.0) > sighting.expected.get(source, 0.0):
                 sighting.expected[source] = expected[name]
                 self._inform()
-        if first:
-            self._refuse_energised(expected)
 
-    def _refuse_energised(self, expected: Mapping[str, float]) -> None:
+    def refuse_energised(self, sources: Mapping[str, Mapping[str, float]]) -> None:
         """Raise BenchEnergised where a witness sees what is left by an earlier process, or a sine.
 
-        The end of the run then holds the bench against what was there before all of it.
+        `sources`: of each source the largest change that each witness should see of it in this run.
+        The end of the run holds the bench against what was there before all of it.
         """
         energised = []
         for name, sighting in self.sightings.items():
-            of_source, unit = expected.get(name, 0.0), sighting.unit
+            of_sources = {
+                s: expected[name] for s, expected in sources.items() if expected.get(name)
+            }
+            least, unit = LEAST_SEEN * max(of_sources.values(), default=math.inf), sighting.unit
             earlier = self._earlier.get(name, ())
-            least = LEAST_SEEN * of_source
-            if of_source and sighting.spread > least and (now := self._swings(name)) > least:
-                energised.append(f"what the {name} sees: its readings differ by {now:.3g} {unit}")
-            elif of_source and earlier:
-                change = distance(as_turned(sighting.before, earlier), earlier)
-                if change > beyond_turning(of_source, earlier):
-                    sighting.before = list(earlier)
-                    energised.append(
-                        f"what the {name} sees: {change:.3g} {unit} more than before the run began"
-                    )
+            if sighting.spread > least and (now := self._swings(name)) > least:
+                words = f"its readings differ by {now:.3g} {unit}"
+            elif (
+                earlier
+                and of_sources
+                and (now := distance(as_turned(sighting.before, earlier), earlier))
+                > beyond_turning(max(of_sources.values()), earlier)
+            ):
+                words = f"{now:.3g} {unit} more than before the run began"
+                sighting.before = list(earlier)
+            else:
+                continue
+            sighting.expected |= of_sources
+            energised.append(f"what the {name} sees: {words}")
         if energised:
             self._inform()
             raise BenchEnergised(energised)

@@ -212,7 +212,7 @@ def test_a_sine_that_is_there_before_anything_is_driven_ends_the_run_unsafe() ->
     witnesses = Witnesses(CLOCK)
     witnesses.open({METER: meter})
     with pytest.raises(BenchEnergised, match="readings differ by"):
-        witnesses.drives(SUPPLY, {METER: 1.0})
+        witnesses.refuse_energised({SUPPLY: {METER: 1.0}})
     assert asked(witnesses).agrees is False
 
 
@@ -225,10 +225,10 @@ def test_what_an_earlier_process_of_the_run_left_on_is_no_ambient(
     witnesses = Witnesses(CLOCK, {METER: BEFORE_MT})
     witnesses.open({METER: Meter(beside(now_mT))})
     if not refused:
-        witnesses.drives(SUPPLY, {METER: 1.0})
+        witnesses.refuse_energised({SUPPLY: {METER: 1.0}})
         return
     with pytest.raises(BenchEnergised, match="more than before the run began"):
-        witnesses.drives(SUPPLY, {METER: 1.0})
+        witnesses.refuse_energised({SUPPLY: {METER: 1.0}})
     report = asked(witnesses)
     assert (report.agrees, list(report.sources)) == (False, [SUPPLY])
 
