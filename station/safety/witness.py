@@ -58,6 +58,8 @@ class Sighting:
     expected: dict[str, float] = field(default_factory=dict)
     change: dict[str, float] = field(default_factory=dict)
     lost: dict[str, str] = field(default_factory=dict)
+    energised: str = ""
+    """What shows that something was on before the run energised anything."""
 
     def to_data(self) -> dict[str, Any]:
         """Return it as plain data for a guardian."""
@@ -104,6 +106,8 @@ def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> Witnes
     sources = sorted(sighting.change or sighting.expected)
     if not sources:
         return WitnessReport(name, (), None, f"{NOT_ASKED}{NOT_DRIVEN}")
+    if sighting.energised:
+        return WitnessReport(name, sources, False, sighting.energised)
     if instrument is None:
         return WitnessReport(name, sources, None, f"{NOT_ASKED}it cannot be reached")
     try:
@@ -257,7 +261,7 @@ class Witnesses:
         """Raise BenchEnergised where a witness sees what is left by an earlier process, or a sine.
 
         `sources`: of each source the largest change that each witness should see of it in this run.
-        The end of the run holds the bench against what was there before all of it.
+        The end of the run does not call those sources safe then.
         """
         energised = []
         for name, sighting in self.sightings.items():
@@ -267,19 +271,18 @@ class Witnesses:
             least, unit = LEAST_SEEN * max(of_sources.values(), default=math.inf), sighting.unit
             earlier = self._earlier.get(name, ())
             if sighting.spread > least and (now := self._swings(name)) > least:
-                words = f"its readings differ by {now:.3g} {unit}"
+                sighting.energised = f"its readings differ by {now:.3g} {unit} at rest"
             elif (
                 earlier
                 and of_sources
                 and (now := distance(as_turned(sighting.before, earlier), earlier))
                 > beyond_turning(max(of_sources.values()), earlier)
             ):
-                words = f"{now:.3g} {unit} more than before the run began"
-                sighting.before = list(earlier)
+                sighting.energised = f"{now:.3g} {unit} came since the run began"
             else:
                 continue
             sighting.expected |= of_sources
-            energised.append(f"what the {name} sees: {words}")
+            energised.append(f"the {name} sees that {sighting.energised}")
         if energised:
             self._inform()
             raise BenchEnergised(energised)

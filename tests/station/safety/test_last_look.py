@@ -227,7 +227,7 @@ def test_what_an_earlier_process_of_the_run_left_on_is_no_ambient(
     if not refused:
         witnesses.refuse_energised({SUPPLY: {METER: 1.0}})
         return
-    with pytest.raises(BenchEnergised, match="more than before the run began"):
+    with pytest.raises(BenchEnergised, match="mT came since the run began"):
         witnesses.refuse_energised({SUPPLY: {METER: 1.0}})
     report = asked(witnesses)
     assert (report.agrees, list(report.sources)) == (False, [SUPPLY])
