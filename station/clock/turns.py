@@ -158,9 +158,19 @@ class Turns:
         while participant.duty is not None:
             self._do_duty(participant)
         while not participant.turn.acquire(timeout=POLL_S):
-            self.raise_failure()
+            if self.failure is not None:
+                self._give_up(participant)
         if participant.stopped:
             raise ClockStopped
+        self.raise_failure()
+
+    def _give_up(self, participant: Participant) -> None:
+        """Wait no more where time has failed: who goes on must not be given a turn, too."""
+        with self.mutex:
+            if participant in self.waiting:
+                self.waiting.remove(participant)
+            else:  # it has just been given
+                participant.turn.acquire()
         self.raise_failure()
 
     def _do_duty(self, giver: Participant) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from contextlib import ExitStack
 
 import pytest
@@ -40,6 +41,23 @@ def test_a_thread_outside_time_may_not_sleep() -> None:
     clock = VirtualClock()
     with pytest.raises(ClockError, match=r"takes no part in time"):
         clock.sleep(1.0)
+
+
+def test_who_goes_on_after_time_has_failed_is_not_given_a_second_turn() -> None:
+    clock = VirtualClock()
+
+    def body() -> None:
+        clock._turns.fail("the wire has failed")
+        time.sleep(0.2)  # while whoever waits takes note of it
+
+    with clock.participant("run"):
+        thread = clock.start("device", body)
+        with pytest.raises(ClockError, match="the wire has failed"):
+            clock.sleep(1.0)
+        thread.join(5.0)
+        with pytest.raises(ClockError, match="the wire has failed"):
+            clock.sleep(1.0)
+    clock.stop()
 
 
 def test_stop_ends_started_threads_quietly() -> None:
