@@ -24,7 +24,8 @@ from station.files.yaml.document import Document, Where
 from station.roles.base import EXCHANGE_DEADLINE_S, MAX_DEADLINE_S, TRIES
 from station.roles.role import quantities_of, role, role_of, roles_of
 from station.safety.bounds import listing, mapping, quantity
-from station.safety.interlocks.reading import CHAIN
+from station.safety.interlocks.conditions import STACKS
+from station.safety.interlocks.reading import CHAIN, interlocks_in
 from station.safety.safe_state import DEFAULT_WITHIN_S
 
 MISSING = "is missing"
@@ -137,13 +138,11 @@ def _deadline_faults(document: Document, name: str, driver: object) -> Iterator[
 def _graces(document: Document, name: str) -> Iterator[tuple[str, float]]:
     """Yield each interlock that looks at an instrument, and its grace in s."""
     named = set()
-    for number, entry in enumerate(listing(document.data.get("interlocks"))):
-        interlock = mapping(entry)
-        looks = _looks(interlock.get("when"), ("interlocks", number, "when"))
-        watched = {instrument for _, instrument, _ in looks}
+    for entry, condition in interlocks_in(document):
+        watched = {instrument for instrument, _ in condition.watched}
         named |= watched
         if name in watched:
-            yield str(interlock.get("name")), quantity(interlock, "grace", "s") or 0.0
+            yield str(entry.get("name")), quantity(entry, "grace", "s") or 0.0
     if name == CHAIN and CHAIN not in named:
         yield "interlock-chain", 0.0
 
@@ -242,17 +241,8 @@ def _watched(
     document: Document, instruments: Mapping[Any, Any]
 ) -> Iterator[tuple[Where, str, str]]:
     """Yield each place of a bench file that has a quantity watched, its instrument, its name."""
-    for number, entry in enumerate(listing(mapping(document.data).get("interlocks"))):
-        yield from _looks(mapping(entry).get("when"), ("interlocks", number, "when"))
+    for _, condition in interlocks_in(document):
+        for leaf in condition.leaves(*STACKS):
+            yield (*leaf.place, "quantity"), leaf.instrument, leaf.quantity
     if CHAIN in instruments:  # watched whether an interlock names it or not
         yield ("instruments", CHAIN, "driver"), CHAIN, "chain"
-
-
-def _looks(when: Any, where: Where) -> Iterator[tuple[Where, str, str]]:
-    for key, part in mapping(when).items():
-        for number, item in enumerate(listing(part) if key in ("any", "all") else ()):
-            yield from _looks(item, (*where, key, number))
-        if key == "not":
-            yield from _looks(part, (*where, key))
-    if "quantity" in mapping(when):
-        yield (*where, "quantity"), str(when.get("instrument")), str(when["quantity"])

@@ -145,6 +145,8 @@ RUN_EVENTS = {
     "identified": "an instrument answered: instance, maker, model, serial number, firmware",
     "bench-read": "how everything that can harm stood before the first step; `outside`: what the "
     "plan does not use; `left_out`: what was not read, and why",
+    "witness-read": "what a gaussmeter, or another second instrument, read before anything was "
+    "energised: `before` by component in `unit`, null what it does not see",
     "step-started": "a step begins: its number and title",
     "step-finished": "a step is done",
     "prompt-shown": "a person is being asked at the run's terminal, which waits for the answer",

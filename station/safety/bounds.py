@@ -9,13 +9,14 @@ its sentence. Records of earlier runs are read without them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where
-from station.roles.role import quantities_of, role_of
+from station.roles.role import kind_of, role_of
+from station.safety.interlocks.conditions import Condition, Level
+from station.safety.interlocks.reading import entries_of, interlocks_in
 from station.safety.safe_state import DEFAULT_WITHIN_S
 from station.units import UnitError, parse_as
 
@@ -44,15 +45,12 @@ def bound_faults(document: Document) -> Iterator[Fault]:
             yield from _coil_faults(document, str(name), mapping(entry))
     yield from _address_faults(document, instruments)
     yield from _within_faults(document, instruments)
-    entries = [mapping(entry) for entry in listing(mapping(data).get("interlocks"))]
-    for number, entry in enumerate(entries):
-        where: Where = ("interlocks", number)
-        yield from _time_faults(document, where, entry)
-        for place, level in levels(entry.get("when"), (*where, "when"), ("any", "all")):
-            yield from _threshold_faults(document, place, level, instruments)
-    looks = [
-        level for entry in entries for _, level in levels(entry.get("when"), (), only=("any",))
-    ]
+    for number, entry in entries_of(document):
+        yield from _time_faults(document, ("interlocks", number), entry)
+    conditions = [condition for _, condition in interlocks_in(document)]
+    for level in upper_limits(conditions, "any", "all"):
+        yield from _threshold_faults(document, level, instruments)
+    looks = list(upper_limits(conditions, "any"))
     for name, entry in instruments.items():
         if role_of(str(name)) == COIL:
             yield from _unwatched_faults(document, str(name), mapping(entry), looks)
@@ -160,53 +158,33 @@ def _time_faults(document: Document, where: Where, entry: Mapping[str, Any]) -> 
         )
 
 
-@dataclass(frozen=True)
-class Look:
-    """A level that a condition holds a quantity against, and its upper limit as given."""
-
-    instrument: str
-    quantity: str
-    key: str
-    high: Any
-
-
-def levels(when: Any, where: Where, only: tuple[str, ...]) -> Iterator[tuple[Where, Look]]:
-    """Yield each level with an upper limit in a condition, and its place; `only` these stacks."""
-    for key, part in mapping(when).items():
-        if key in only:
-            for number, item in enumerate(listing(part)):
-                yield from levels(item, (*where, key, number), only)
-    condition = mapping(when)
-    instrument, watched = str(condition.get("instrument")), str(condition.get("quantity"))
-    if "above" in condition:
-        yield (*where, "above"), Look(instrument, watched, "above", condition["above"])
-    elif len(listing(condition.get("outside"))) == 2:
-        high = condition["outside"][1]
-        yield (*where, "outside", 1), Look(instrument, watched, "outside", high)
+def upper_limits(conditions: Iterable[Condition], *through: str) -> Iterator[Level]:
+    """Yield each level with an upper limit in conditions, `through` these stacks."""
+    for condition in conditions:
+        for leaf in condition.leaves(*through):
+            if isinstance(leaf, Level) and leaf.high != math.inf:
+                yield leaf
 
 
 def _threshold_faults(
-    document: Document, where: Where, look: Look, instruments: Mapping[str, Any]
+    document: Document, level: Level, instruments: Mapping[str, Any]
 ) -> Iterator[Fault]:
-    kind = quantities_of(look.instrument).get(look.quantity)
-    if kind is None or not kind.limit:
-        return
-    key, unit = kind.limit, kind.unit
-    limits = mapping(mapping(instruments.get(look.instrument)).get("limits"))
-    limit, high = quantity(limits, key, unit), quantity({"is": look.high}, "is", unit)
-    if limit is None or high is None:
+    key, unit, high = kind_of(level.instrument, level.quantity).limit, level.unit, level.high
+    limits = mapping(mapping(instruments.get(level.instrument)).get("limits"))
+    limit = quantity(limits, key, unit) if key else None
+    if limit is None:
         return
     most = limit + BEYOND_TEMPERATURE_K if unit == "degC" else BEYOND_LIMIT * limit
     if high > most:
         yield document.fault(
-            where,
-            f"{high:g} {unit} is so far beyond limits.{key} of {look.instrument}, {limit:g} "
+            level.place_of_high,
+            f"{high:g} {unit} is so far beyond limits.{key} of {level.instrument}, {limit:g} "
             f"{unit}, that the interlock protects nothing; at most {most:g} {unit}",
         )
 
 
 def _unwatched_faults(
-    document: Document, name: str, entry: Mapping[str, Any], looks: list[Look]
+    document: Document, name: str, entry: Mapping[str, Any], looks: Iterable[Level]
 ) -> Iterator[Fault]:
     """Yield that no interlock looks at a coil's current, voltage or temperature, or at its field.
 
@@ -220,16 +198,13 @@ def _unwatched_faults(
     voltage_V = quantity(limits, "voltage", "V")
     most_mT = BEYOND_LIMIT * current_A * abs(constant) if constant else math.inf
     most = {
-        (name, "current"): ("A", BEYOND_LIMIT * current_A),
-        (name, "voltage"): ("V", BEYOND_LIMIT * voltage_V if voltage_V else math.inf),
-        (name, "temperature"): ("degC", MOST_COIL_DEGC),
-        ("gaussmeter", "field"): ("mT", most_mT),
+        (name, "current"): BEYOND_LIMIT * current_A,
+        (name, "voltage"): BEYOND_LIMIT * voltage_V if voltage_V else math.inf,
+        (name, "temperature"): MOST_COIL_DEGC,
+        ("gaussmeter", "field"): most_mT,
     }
-    for look in looks:
-        unit, highest = most.get((look.instrument, look.quantity), ("", 0.0))
-        high = quantity({"is": look.high}, "is", unit) if unit else None
-        if high is not None and high <= highest:
-            return
+    if any(look.high <= most.get((look.instrument, look.quantity), -math.inf) for look in looks):
+        return
     label = name.replace(f"{COIL}.", "coil-").replace(".", "-").replace("_", "-")
     yield document.fault(
         ("instruments", name),

@@ -11,16 +11,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Protocol
 
 from station.clock import Clock, ClockError, ClockStopped
 from station.errors import InputError, InstrumentError
+from station.files.yaml.document import Where
 from station.roles.role import kind_of
 from station.safety.readings import Reading, Readings, Value
+
+STACKS = ("any", "all", "not")
 
 Watched = tuple[str, str]
 """An instrument and one of its quantities."""
@@ -59,8 +62,12 @@ class Condition(Protocol):
         """The quantities that it depends on."""
         ...
 
-    def judge(self, reader: ReadsQuantities) -> Judgement:
+    def evaluate(self, reader: ReadsQuantities) -> Judgement:
         """Return whether it is true now."""
+        ...
+
+    def leaves(self, *through: str) -> Iterator[Level | State]:
+        """Yield what it compares, `through` these stacks: `any`, `all`, `not`."""
         ...
 
 
@@ -68,7 +75,7 @@ class Condition(Protocol):
 class Level:
     """A number beyond its limits: above `high`, below `low`, or either (`outside`).
 
-    `magnitude`: the sign of the reading is left out.
+    `magnitude`: the sign of the reading is left out. `place`: where it stands in the bench file.
     """
 
     instrument: str
@@ -77,6 +84,13 @@ class Level:
     low: float = -math.inf
     high: float = math.inf
     magnitude: bool = False
+    place: Where = field(default=(), compare=False)
+
+    @property
+    def place_of_high(self) -> Where:
+        """Where its upper limit stands in the bench file."""
+        above: Where = (*self.place, "above")
+        return above if self.low == -math.inf else (*self.place, "outside", 1)
 
     @property
     def watched(self) -> frozenset[Watched]:
@@ -92,7 +106,11 @@ class Level:
             return f"below {self.low:g} {self.unit}"
         return f"outside {self.low:g} {self.unit} to {self.high:g} {self.unit}"
 
-    def judge(self, reader: ReadsQuantities) -> Judgement:
+    def leaves(self, *through: str) -> Iterator[Level | State]:
+        """Yield itself."""
+        yield self
+
+    def evaluate(self, reader: ReadsQuantities) -> Judgement:
         """Compare the present reading; no number is unknown."""
         seen = reader.look(self.instrument, self.quantity)
         name = f"{self.instrument} {self.quantity}"
@@ -122,13 +140,18 @@ class State:
     instrument: str
     quantity: str
     equals: str
+    place: Where = field(default=(), compare=False)
 
     @property
     def watched(self) -> frozenset[Watched]:
         """The one quantity."""
         return frozenset({(self.instrument, self.quantity)})
 
-    def judge(self, reader: ReadsQuantities) -> Judgement:
+    def leaves(self, *through: str) -> Iterator[Level | State]:
+        """Yield itself."""
+        yield self
+
+    def evaluate(self, reader: ReadsQuantities) -> Judgement:
         """Compare the present state."""
         seen = reader.look(self.instrument, self.quantity)
         name = f"{self.instrument} {self.quantity}"
@@ -144,6 +167,7 @@ class Several(ABC):
     """Conditions that are judged in order; the first that is true, or false, decides for all."""
 
     parts: Sequence[Condition]
+    word: ClassVar[str]
     decides: ClassVar[bool]
 
     @property
@@ -151,11 +175,16 @@ class Several(ABC):
         """What its parts watch."""
         return frozenset().union(*(part.watched for part in self.parts))
 
-    def judge(self, reader: ReadsQuantities) -> Judgement:
+    def leaves(self, *through: str) -> Iterator[Level | State]:
+        """Yield those of its parts."""
+        for part in self.parts if self.word in through else ():
+            yield from part.leaves(*through)
+
+    def evaluate(self, reader: ReadsQuantities) -> Judgement:
         """Judge the parts; one that decides, else one that is unknown, else what all agree on."""
         judged = []
         for part in self.parts:
-            judgement = part.judge(reader)
+            judgement = part.evaluate(reader)
             if judgement.true is self.decides:
                 return judgement
             judged.append(judgement)
@@ -170,6 +199,7 @@ class Several(ABC):
 class AnyOf(Several):
     """True when one of its parts is."""
 
+    word = "any"
     decides = True
 
     def _agreed(self, judged: Sequence[Judgement]) -> Judgement:
@@ -179,6 +209,7 @@ class AnyOf(Several):
 class AllOf(Several):
     """True when all of its parts are."""
 
+    word = "all"
     decides = False
 
     def _agreed(self, judged: Sequence[Judgement]) -> Judgement:
@@ -196,9 +227,14 @@ class Not:
         """What its part watches."""
         return self.part.watched
 
-    def judge(self, reader: ReadsQuantities) -> Judgement:
+    def leaves(self, *through: str) -> Iterator[Level | State]:
+        """Yield those of its part."""
+        if "not" in through:
+            yield from self.part.leaves(*through)
+
+    def evaluate(self, reader: ReadsQuantities) -> Judgement:
         """Turn the part's judgement over; unknown stays unknown."""
-        judgement = self.part.judge(reader)
+        judgement = self.part.evaluate(reader)
         turned = None if judgement.true is None else not judgement.true
         limit = f"not {judgement.limit}" if judgement.limit else None
         return Judgement(turned, judgement.said, judgement.value, limit)

@@ -67,7 +67,7 @@ class Watch:
 
     def judge(self) -> Judgement:
         """Look now."""
-        judged = self.interlock.when.judge(self.reader)
+        judged = self.interlock.when.evaluate(self.reader)
         self.said = judged.said
         return judged
 
@@ -174,7 +174,7 @@ class Monitor:
         """
         for watch in self._watches:
             if watch.interlock.on_contacts:
-                judged = watch.interlock.when.judge(self._now)
+                judged = watch.interlock.when.evaluate(self._now)
                 if judged.true:
                     self.trip = self._tripped(watch, judged)
                     return

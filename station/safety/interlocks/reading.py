@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field, WithJsonSchema
 
 from station.fields import Second, StrictModel, quantity_pattern
 from station.files.faults import Fault, listed, nearest
+from station.files.yaml.document import Document, Where
 from station.roles.role import CONTACT_STATES, Quantity, kind_of, quantities_of, role_of
-from station.safety.interlocks.conditions import AllOf, AnyOf, Condition, Level, Not, State
+from station.safety.interlocks.conditions import (
+    STACKS,
+    AllOf,
+    AnyOf,
+    Condition,
+    Level,
+    Not,
+    State,
+)
 from station.units import UNITS, UnitError, parse_as
-
-if TYPE_CHECKING:
-    from station.files.yaml.document import Document
-
 
 BOUND = {
     "type": "string",
@@ -49,7 +54,7 @@ WHEN = {
                 "required": [word],
                 "additionalProperties": False,
             }
-            for word in ("any", "all", "not")
+            for word in STACKS
         ),
     ],
     "description": "a level or a state of a quantity, or any, all, not of such conditions",
@@ -68,9 +73,7 @@ class InterlockEntry(StrictModel):
 CHAIN = "interlock_chain"
 BOUNDS = ("above", "below", "outside")
 TESTS = (*BOUNDS, "equals")
-STACKS = ("any", "all", "not")
 KEYS = ("instrument", "quantity", *TESTS, *STACKS)
-Where = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -99,12 +102,14 @@ class Interlock:
 
 
 def interlocks_of(
-    entries: Iterable[InterlockEntry], instruments: Collection[str]
+    entries: Sequence[InterlockEntry], instruments: Collection[str]
 ) -> tuple[Interlock, ...]:
     """Return the interlocks of a bench; its chain is one, whether it is written there or not."""
     interlocks = []
-    for entry in entries:
-        when = condition_of(entry.when)
+    reader = ConditionReader(instruments)
+    for number, entry in enumerate(entries):
+        when = reader.read(entry.when, ("interlocks", number, "when"))
+        assert when is not None  # a bench without a fault
         period_s = entry.period_s or min(kind_of(*watched).period_s for watched in when.watched)
         interlocks.append(Interlock(entry.name, when, entry.grace_s, period_s))
     if CHAIN in instruments and not any(CHAIN in interlock.instruments for interlock in interlocks):
@@ -128,140 +133,161 @@ def watched_in_a_run(interlocks: Sequence[Interlock], used: Collection[str]) -> 
     ]
 
 
-def condition_of(when: Mapping[str, Any]) -> Condition:
-    """Return the condition that data without a fault describe."""
-    if "any" in when:
-        return AnyOf(tuple(condition_of(part) for part in when["any"]))
-    if "all" in when:
-        return AllOf(tuple(condition_of(part) for part in when["all"]))
-    if "not" in when:
-        return Not(condition_of(when["not"]))
-    instrument, quantity = when["instrument"], when["quantity"]
-    if "equals" in when:
-        return State(instrument, quantity, when["equals"])
-    kind = kind_of(instrument, quantity)
-    low, high = -math.inf, math.inf
-    if "outside" in when:
-        low, high = (parse_as(text, kind.unit) for text in when["outside"])
-        return Level(instrument, quantity, kind.unit, low, high)
-    if "above" in when:
-        high = parse_as(when["above"], kind.unit)
-    else:
-        low = parse_as(when["below"], kind.unit)
-    return Level(instrument, quantity, kind.unit, low, high, kind.magnitude)
-
-
 def interlock_faults(document: Document, instances: Collection[str]) -> Iterator[Fault]:
     """Yield every fault of the interlocks of a bench file that its model does not see."""
-    entries = document.data.get("interlocks")
+    faults: list[Fault] = []
+    reader = ConditionReader(
+        instances, lambda *what, **at: faults.append(document.fault(*what, **at))
+    )
     names: set[str] = set()
-    for number, entry in enumerate(entries if isinstance(entries, list) else ()):
-        if not isinstance(entry, dict):
-            continue
-        where: Where = ("interlocks", number)
+    for number, entry in entries_of(document):
         name = entry.get("name")
         if isinstance(name, str) and name in names:
-            yield document.fault((*where, "name"), f"'{name}' was named before; choose another")
+            faults.append(
+                document.fault(
+                    ("interlocks", number, "name"), f"'{name}' was named before; choose another"
+                )
+            )
         names.add(str(name))
-        if "when" in entry:
-            yield from _when_faults(document, (*where, "when"), entry["when"], instances)
+        if isinstance(entry.get("when"), dict):  # else the model says so
+            reader.read(entry["when"], ("interlocks", number, "when"))
+    yield from faults
 
 
-def _when_faults(
-    document: Document, where: Where, when: Any, instances: Collection[str]
-) -> Iterator[Fault]:
-    if not isinstance(when, dict):
-        # At the first level the model says so.
-        if len(where) > 3:
-            yield document.fault(where, "must be a mapping, such as {instrument: …, quantity: …}")
-        return
-    unknown = [key for key in when if key not in KEYS]
-    for key in unknown:
-        hint = nearest(key, KEYS)
-        what = "is not a key of a condition" + ("" if hint else f"; known are {listed(KEYS)}")
-        yield document.fault((*where, key), what, hint and f"'{hint}'", at_key=True)
-    stacked = [key for key in STACKS if key in when]
-    if stacked:
-        if len(when) - len(unknown) > 1:
-            yield document.fault(where, f"'{stacked[0]}' stands alone; take the other keys out")
-            return
-        yield from _stack_faults(document, (*where, stacked[0]), when[stacked[0]], instances)
-        return
-    missing = [key for key in ("instrument", "quantity") if key not in when]
-    if missing or not any(key in when for key in TESTS):
+def interlocks_in(document: Document) -> Iterator[tuple[Mapping[str, Any], Condition]]:
+    """Yield each interlock of a document with what can be read of its condition."""
+    instruments = document.data.get("instruments")
+    reader = ConditionReader(instruments if isinstance(instruments, dict) else ())
+    for number, entry in entries_of(document):
+        when = reader.read(entry.get("when"), ("interlocks", number, "when"))
+        if when is not None:
+            yield entry, when
+
+
+def entries_of(document: Document) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Yield the interlocks of a document that are mappings, with their numbers."""
+    entries = document.data.get("interlocks")
+    for number, entry in enumerate(entries if isinstance(entries, list) else ()):
+        if isinstance(entry, dict):
+            yield number, entry
+
+
+class ConditionReader:
+    """Read conditions of a bench file; what is wrong is reported, and the rest is read.
+
+    `fault` gets the place, what is wrong there and a hint, as `Document.fault`.
+    """
+
+    def __init__(
+        self,
+        instances: Collection[str],
+        fault: Callable[..., object] = lambda *what, **at: None,
+    ) -> None:
+        self._instances = instances
+        self._fault = fault
+
+    def read(self, when: Any, where: Where) -> Condition | None:
+        """Return the condition at a place; None where nothing of it can be read."""
+        if not isinstance(when, dict):
+            self._fault(where, "must be a mapping, such as {instrument: …, quantity: …}")
+            return None
+        unknown = [key for key in when if key not in KEYS]
+        for key in unknown:
+            hint = nearest(key, KEYS)
+            what = "is not a key of a condition" + ("" if hint else f"; known are {listed(KEYS)}")
+            self._fault((*where, key), what, hint and f"'{hint}'", at_key=True)
+        stacked = [key for key in STACKS if key in when]
+        if stacked:
+            if len(when) - len(unknown) > 1:
+                self._fault(where, f"'{stacked[0]}' stands alone; take the other keys out")
+                return None
+            return self._stack(stacked[0], when[stacked[0]], (*where, stacked[0]))
+        missing = [key for key in ("instrument", "quantity") if key not in when]
         # A misspelt key was reported already.
-        if not unknown:
+        if (missing or not any(key in when for key in TESTS)) and not unknown:
             what = "needs an instrument, a quantity, and above, below, outside or equals"
-            yield document.fault(where, what)
-        if missing:
-            return
-    yield from _level_faults(document, where, when, instances)
+            self._fault(where, what)
+        return None if missing else self._leaf(when, where)
 
+    def _stack(self, word: str, parts: Any, where: Where) -> Condition | None:
+        if word == "not":
+            part = self.read(parts, where)
+            return None if part is None else Not(part)
+        if not isinstance(parts, list) or not parts:
+            self._fault(where, "must be a list of at least one condition")
+            return None
+        read = [self.read(part, (*where, number)) for number, part in enumerate(parts)]
+        conditions = tuple(part for part in read if part is not None)
+        stack = AnyOf if word == "any" else AllOf
+        return stack(conditions) if conditions else None
 
-def _stack_faults(
-    document: Document, where: Where, parts: Any, instances: Collection[str]
-) -> Iterator[Fault]:
-    if where[-1] == "not":
-        yield from _when_faults(document, where, parts, instances)
-    elif not isinstance(parts, list) or not parts:
-        yield document.fault(where, "must be a list of at least one condition")
-    else:
-        for number, part in enumerate(parts):
-            yield from _when_faults(document, (*where, number), part, instances)
+    def _leaf(self, when: Mapping[str, Any], where: Where) -> Level | State | None:
+        instrument, quantity = str(when["instrument"]), str(when["quantity"])
+        if instrument not in self._instances:
+            hint = nearest(instrument, self._instances)
+            what = f"this bench has no instrument '{instrument}'"
+            what += "" if hint else f"; it has {listed(self._instances)}"
+            self._fault((*where, "instrument"), what, hint and f"'{hint}'")
+            return None
+        known = quantities_of(instrument)
+        if quantity not in known:
+            hint = nearest(quantity, known)
+            what = f"'{quantity}' is no quantity of a {role_of(instrument)}"
+            what += "" if hint else f"; it has {listed(known)}"
+            self._fault((*where, "quantity"), what, hint and f"'{hint}'")
+            return None
+        kind = known[quantity]
+        given = [key for key in TESTS if key in when]
+        if len(given) > 1:
+            self._fault(where, f"has {listed(given)}; keep one, or stack them with any")
+        test = given[0] if len(given) == 1 else ""
+        if kind.states:
+            equals = self._state(test, when.get(test), (*where, test), kind)
+            return State(instrument, quantity, equals, where)
+        low, high = self._range(test, when.get(test), (*where, test), kind)
+        magnitude = kind.magnitude and test != "outside"
+        return Level(instrument, quantity, kind.unit, low, high, magnitude, where)
 
-
-def _level_faults(
-    document: Document, where: Where, when: Mapping[str, Any], instances: Collection[str]
-) -> Iterator[Fault]:
-    instrument, quantity = str(when["instrument"]), str(when["quantity"])
-    if instrument not in instances:
-        hint = nearest(instrument, instances)
-        what = f"this bench has no instrument '{instrument}'"
-        what += "" if hint else f"; it has {listed(instances)}"
-        yield document.fault((*where, "instrument"), what, hint and f"'{hint}'")
-        return
-    known = quantities_of(instrument)
-    if quantity not in known:
-        hint = nearest(quantity, known)
-        what = f"'{quantity}' is no quantity of a {role_of(instrument)}"
-        what += "" if hint else f"; it has {listed(known)}"
-        yield document.fault((*where, "quantity"), what, hint and f"'{hint}'")
-        return
-    given = [key for key in TESTS if key in when]
-    if len(given) > 1:
-        yield document.fault(where, f"has {listed(given)}; keep one, or stack them with any")
-        return
-    for key in given:
-        yield from _test_faults(document, (*where, key), key, when[key], known[quantity])
-
-
-def _test_faults(
-    document: Document, where: Where, key: str, given: Any, kind: Quantity
-) -> Iterator[Fault]:
-    if kind.states:
-        if key != "equals":
-            what = f"{where[-1]} is for numbers; this is one of {listed(kind.states)}: write equals"
-            yield document.fault(where, what)
-        elif given not in kind.states:
+    def _state(self, test: str, given: Any, where: Where, kind: Quantity) -> str:
+        if test and test != "equals":
+            what = f"{test} is for numbers; this is one of {listed(kind.states)}: write equals"
+            self._fault(where, what)
+        elif test and given not in kind.states:
             hint = nearest(str(given), kind.states)
             what = f"'{given}' is none of its states, {listed(kind.states)}"
-            yield document.fault(where, what, hint and f"'{hint}'")
-        return
-    if key == "equals":
-        yield document.fault(where, "is for states; write above, below or outside for a number")
-        return
-    if key == "outside" and (not isinstance(given, list) or len(given) != 2):
-        yield document.fault(where, "must be two values, such as [10 degC, 40 degC]")
-        return
-    numbers = []
-    for number, text in enumerate(given if key == "outside" else [given]):
-        place = (*where, number) if key == "outside" else where
+            self._fault(where, what, hint and f"'{hint}'")
+        return str(given)
+
+    def _range(self, test: str, given: Any, where: Where, kind: Quantity) -> tuple[float, float]:
+        """Return the lowest and the highest value that are no trip."""
+        without = (-math.inf, math.inf)
+        if test == "equals":
+            self._fault(where, "is for states; write above, below or outside for a number")
+        if test not in BOUNDS:
+            return without
+        if test != "outside":
+            value = self._number(given, where, kind)
+            if value is not None and kind.magnitude and value < 0:
+                what = (
+                    "means the magnitude and cannot be negative; write outside for one with a sign"
+                )
+                self._fault(where, what)
+            if value is None:
+                return without
+            return (-math.inf, value) if test == "above" else (value, math.inf)
+        if not isinstance(given, list) or len(given) != 2:
+            self._fault(where, "must be two values, such as [10 degC, 40 degC]")
+            return without
+        low, high = (self._number(text, (*where, n), kind) for n, text in enumerate(given))
+        if low is None or high is None:
+            return without
+        if low >= high:
+            self._fault(where, "must begin with the lower value")
+        return low, high
+
+    def _number(self, text: Any, where: Where, kind: Quantity) -> float | None:
         try:
-            numbers.append(parse_as(text, kind.unit))
+            return parse_as(text, kind.unit)
         except UnitError as error:
-            yield document.fault(place, error.what, error.hint)
-    if len(numbers) == 2 and numbers[0] >= numbers[1]:
-        yield document.fault(where, "must begin with the lower value")
-    if key != "outside" and kind.magnitude and numbers and numbers[0] < 0:
-        what = "means the magnitude and cannot be negative; write outside for one with a sign"
-        yield document.fault(where, what)
+            self._fault(where, error.what, error.hint)
+            return None

@@ -17,9 +17,9 @@ from guardian_helpers import World, until, world
 from run_heads import head_of
 
 from station import registry
-from station.cli.controlling import left_safe, say_how_it_ended
+from station.cli.controlling import say_how_it_ended
 from station.clock import RealClock, VirtualClock
-from station.control.status import read_status
+from station.control.status import read_state, read_status
 from station.files.lookup import BENCHES, find
 from station.guardian.make_safe import summary
 from station.instruments.bench import read_bench
@@ -166,7 +166,7 @@ def test_what_another_run_holds_or_does_not_answer_is_left_out_and_named(
     assert flag["instruments"] == [OTHER, "turntable"]
     told = station(tmp_path, "status", str(run_folder))
     assert f" NOT KNOWN to be safe: {OTHER} (does not answer) and turntable (in use" in told.stdout
-    assert say_how_it_ended(run_folder, "", left_safe(run_folder), as_json=False) == 0
+    assert say_how_it_ended(run_folder, "", read_state(run_folder).safe_state(), as_json=False) == 0
     assert f"NOT KNOWN to be safe: {OTHER} (does not answer) and turn" in capsys.readouterr().out
 
 

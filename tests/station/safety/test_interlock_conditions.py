@@ -41,7 +41,7 @@ class Stated:
 
 def judged(condition: Condition, value: float | str | Seen) -> Judgement:
     (watched,) = condition.watched
-    return condition.judge(Stated({watched: value}))
+    return condition.evaluate(Stated({watched: value}))
 
 
 @pytest.mark.parametrize(
@@ -116,17 +116,17 @@ def test_any_and_all_follow_kleenes_logic(one: bool | None, other: bool | None) 
     pair = {(one, other), (other, one)}
     both = next((KLEENE_AND[two] for two in pair if two in KLEENE_AND), False)
     either = next((KLEENE_OR[two] for two in pair if two in KLEENE_OR), True)
-    assert AllOf(TWO).judge(reader).true is both
-    assert AnyOf(TWO).judge(reader).true is either
+    assert AllOf(TWO).evaluate(reader).true is both
+    assert AnyOf(TWO).evaluate(reader).true is either
     # De Morgan.
-    turned = AnyOf([Not(part) for part in TWO]).judge(reader).true
-    assert Not(AllOf(TWO)).judge(reader).true is turned
+    turned = AnyOf([Not(part) for part in TWO]).evaluate(reader).true
+    assert Not(AllOf(TWO)).evaluate(reader).true is turned
 
 
 def test_a_stack_says_what_decided_it() -> None:
     reader = Stated({("first", "current"): 1.0, ("second", "current"): 9.5})
-    assert AnyOf(TWO).judge(reader).said == "second current is 9.5 A, above 8 A"
-    said = AllOf([Not(TWO[0]), TWO[1]]).judge(reader)
+    assert AnyOf(TWO).evaluate(reader).said == "second current is 9.5 A, above 8 A"
+    said = AllOf([Not(TWO[0]), TWO[1]]).evaluate(reader)
     assert said.said == "first current is 1 A, not above 8 A and second current is 9.5 A, above 8 A"
     assert (said.value, said.limit) == (9.5, "above 8 A")
     assert AllOf([Not(TWO[0]), TWO[1]]).watched == {("first", "current"), ("second", "current")}
