@@ -63,7 +63,8 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
     """Return the flags on the noise of an axis."""
     fit = analysed.fit
     if fit is None:
-        lost = [name for name in UNITS if name not in ("bias", "bias_repeatability")]
+        seen = ("bias", "bias_repeatability") if len(analysed.means) else ()
+        lost = [name for name in UNITS if name not in seen]
         sentence = f"No record of {analysed.axis} is long enough to show its noise; record longer."
         return [not_identifiable(sentence, lost, analysed.axis)]
     flags = []

@@ -315,7 +315,8 @@ class Witnesses:
         assert witness is not None
         seen = np.stack([rows[column] for column in witness.columns], axis=-1) * witness.scale
         seen = np.where(np.abs(seen) < OVERLOAD, seen, np.inf)
-        far = np.sqrt(np.nansum((seen - np.array(sighting.before)) ** 2, axis=-1))
+        before = [value if math.isfinite(value) else math.nan for value in sighting.before]
+        far = np.sqrt(np.nansum((seen - np.array(before)) ** 2, axis=-1))
         several = np.array([*self._last.get(name, ()), *far[np.isfinite(far)]])
         self._last[name] = several[-2:].tolist()
         if len(several) < 3:

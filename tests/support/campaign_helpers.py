@@ -308,6 +308,7 @@ def opens(folder: Path) -> Iterator[str]:
             yield f"{axis} is {value}, finished units are {sorted(finished)}"
         flagged = any(
             (flag["axis"] == axis and name in flag.get("coefficients", [name]))
+            or (flag["axis"] is None and name in flag.get("coefficients", ()))
             or f"{name} {axis}" in flag.get("coefficients", ())
             for flag in document["flags"]
         )

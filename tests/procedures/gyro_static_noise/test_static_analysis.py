@@ -79,6 +79,12 @@ def test_a_record_that_is_frozen_whole_gives_null(fog: StaticDataset) -> None:
     assert "not-identifiable" in {flag.code for flag in found.flags}
 
 
+def test_what_a_run_without_a_finished_record_lacks_is_flagged_whole(fog: StaticDataset) -> None:
+    found = analyse(replace(fog, records=()))
+    (flag,) = [flag for flag in found.flags if flag.code == "not-identifiable"]
+    assert {estimate.name for estimate in found.estimates} == set(flag.details["coefficients"])
+
+
 def test_repeatability_is_the_switch_ons_own() -> None:
     quiet = {**FOG, "B": 0.0, "K": 0.0, "switch_on": 0.0}
     found = analyse(records(np.random.default_rng(6), quiet, [SAMPLES, *[600] * 6]))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -159,6 +160,11 @@ def test_what_was_beyond_the_range_before_is_not_compared() -> None:
     beyond = (math.inf, math.inf, math.inf)
     sighting = Sighting(METER, "mT", list(beyond), expected={SUPPLY: 1.0}, change={SUPPLY: 1.0})
     assert judge(sighting, Meter(beyond), CLOCK).agrees is None
+    witnesses = watched(Meter(beyond))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        witnesses.drives(SUPPLY, {METER: 1.0})
+        witnesses.came(METER, rows(beside(0.5), (9e37, 9e37, 9e37), (9e37, 9e37, 9e37)))
 
 
 def noisy(field_mT: float, looks: int) -> list[tuple[float, float, float]]:
