@@ -9,10 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime, timedelta
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.clock import system_clock_synchronised, utc_now
+from station.method.set_points import (
+    HEATING,
+    QUANTITIES,
+    BoundedQuantity,
+    heating_W,
+)
 from station.method.work import NO_TIME, Duration
 from station.procedure import procedure_of
 from station.runner.preflight import (
@@ -24,15 +31,12 @@ from station.runner.preflight import (
 )
 from station.runner.resources import Disk, Memory, disk_of, memory_of
 from station.runner.session import clock_for
-from station.safety.static_limits import RESISTANCE, coil_resistance_ohm, heating_W
+from station.safety.static_limits import RESISTANCE, coil_resistance_ohm
 
 if TYPE_CHECKING:
     from station.files.plan import Plan
     from station.instruments.bench import Bench
     from station.method.set_points import SetPoint
-
-QUANTITIES = {"field": ("field_mT", "mT"), "current": ("current_A", "A")}
-MOTIONS = {"rate": ("rate_deg_per_s", "deg/s")}
 
 
 @dataclass(frozen=True)
@@ -160,34 +164,28 @@ def ends_utc(expected_s: float, speed: float | None) -> datetime | None:
 
 def extremes(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
     """Yield the largest field, current, heating and rate, lowest and highest temperature."""
-    for quantity, (name, unit) in QUANTITIES.items():
-        yield from largest(points, quantity, name, unit)
-    yield from heating(points, bench)
-    for quantity, (name, unit) in MOTIONS.items():
-        yield from largest(points, quantity, name, unit)
-    yield from temperatures(points)
+    for quantity in QUANTITIES:
+        if quantity.word == HEATING:
+            yield from heating(points, bench)
+        elif quantity.shown:
+            yield from ends(points, quantity)
 
 
-def largest(points: Sequence[SetPoint], quantity: str, name: str, unit: str) -> Iterator[Extreme]:
-    """Yield the set-point that is largest in magnitude, where any concerns the quantity."""
+def ends(points: Sequence[SetPoint], quantity: BoundedQuantity) -> Iterator[Extreme]:
+    """Yield the set-point with the largest magnitude, or the lowest and highest of a signed one."""
     sized = [
-        (abs(getattr(point, name)), point) for point in points if getattr(point, name) is not None
-    ]
-    if sized:
-        value, point = max(sized, key=lambda pair: pair[0])
-        yield Extreme("largest", quantity, value, unit, point.instrument)
-
-
-def temperatures(points: Sequence[SetPoint]) -> Iterator[Extreme]:
-    """Yield the lowest and the highest temperature that is set."""
-    set_degC = [
-        (point.temperature_degC, point.instrument)
+        (value, point.instrument)
         for point in points
-        if point.temperature_degC is not None
+        if (value := quantity.value(point)) is not None
     ]
-    if set_degC:
-        yield Extreme("lowest", "temperature", min(set_degC)[0], "degC", min(set_degC)[1])
-        yield Extreme("highest", "temperature", max(set_degC)[0], "degC", max(set_degC)[1])
+    if not sized:
+        return
+    word, unit = quantity.word, quantity.unit
+    most, instrument = max(sized, key=itemgetter(0))
+    if quantity.signed:
+        least, of_least = min(sized, key=itemgetter(0))
+        yield Extreme("lowest", word, least, unit, of_least)
+    yield Extreme("highest" if quantity.signed else "largest", word, most, unit, instrument)
 
 
 def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
@@ -207,12 +205,10 @@ def heating(points: Sequence[SetPoint], bench: Bench) -> Iterator[Extreme]:
             known.append((heating_W(point, resistance_ohm) or 0.0, point.instrument))
     if known:
         value, instrument = max(known)
-        yield Extreme(
-            "largest", "coil heating", value, "W", instrument, "from the effective current"
-        )
+        yield Extreme("largest", HEATING, value, "W", instrument, "from the effective current")
     if unknown:
         note = f"not known: the bench file gives no {RESISTANCE}"
-        yield Extreme("largest", "coil heating", None, "W", ", ".join(unknown), note)
+        yield Extreme("largest", HEATING, None, "W", ", ".join(unknown), note)
 
 
 def given(point: SetPoint) -> dict[str, Any]:

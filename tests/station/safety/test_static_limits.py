@@ -70,9 +70,9 @@ BEYOND = [
     (
         coil(current_A=-8.5, field_mT=4.25),
         [
+            "4.25 mT is more than the 3 mT that the bench allows for coil_supply.x",
             "4.25 mT needs 8.5 A from coil_supply.x, the bench allows 8 A",
             "4.25 mT needs 17 V at coil_supply.x's coil, the bench allows 9 V",
-            "4.25 mT is more than the 3 mT that the bench allows for coil_supply.x",
         ],
     ),
     (
