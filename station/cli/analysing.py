@@ -8,13 +8,12 @@ from typing import Any
 
 from station.console import tell
 from station.dataset_reading import read_dataset
-from station.errors import DamagedRecord, InputError, StationError, reason_of
+from station.errors import DamagedRecord, InputError, reason_of
 from station.files.lookup import is_there
-from station.record.events import REVISED
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
 from station.record.integrity import MOST_FLAGS, first, sentence_of
-from station.record.later import record_later
+from station.record.later import add_revision, draft_revision
 from station.record.layout import EVENTS
 from station.record.recorded import read_run
 from station.report.numbers import format_like, format_result
@@ -73,11 +72,14 @@ def analyse_run(path: Path, output: Path | None, *, compare: bool) -> ResultDocu
     old = stored_results(folder) if compare else None
     document, findings = evaluate_run(folder)
     name_unused(folder)
-    place = made(output) if output else folder.new_revision()
-    write_revision(folder, place, document, findings)
-    if output is None:
-        record_revision(path, place)
-    tell(f"written: {place / RESULTS}, {place / REPORT}")
+    if output:
+        written = made(output)
+        write_revision(folder, written, document, findings)
+    else:
+        with draft_revision(path) as draft:
+            write_revision(folder, draft, document, findings)
+            written = add_revision(path, draft)
+    tell(f"written: {written / RESULTS}, {written / REPORT}")
     if old is not None:
         difference = largest_difference(old, document.to_data())
         tell(f"largest difference from the stored results: {difference:.3g} standard uncertainties")
@@ -88,14 +90,6 @@ def name_unused(folder: RunFolder) -> None:
     """Name what was altered in a folder, though nothing that was evaluated is made of it."""
     for sentence in first(folder.damage.remade):
         tell(f"not used here, but altered: {sentence}")
-
-
-def record_revision(run: Path, revision: Path) -> None:
-    """Let the log of a run name a revision; one that goes on does that itself, when it ends."""
-    try:
-        record_later(run, REVISED, {"revision": revision.name})
-    except (StationError, OSError) as error:
-        tell(f"WARNING: {revision} is not in the log of the run: {error}")
 
 
 def stored_results(folder: RunFolder) -> dict[str, Any]:

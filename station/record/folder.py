@@ -6,7 +6,6 @@ import json
 import re
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -17,11 +16,10 @@ from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
 from station.record.events import Event, EventLog, guardian_events, read_events
 from station.record.files import json_text, write_whole_file
-from station.record.later import named_revisions, seal
+from station.record.later import seal
 from station.record.layout import (
     EVENTS,
     RAW,
-    REVISIONS,
     RUN,
     Presence,
     folder_with_head,
@@ -312,32 +310,3 @@ class RunFolder:
         if finished is not None:
             return [*own, int(finished.get("segment", 0))]
         return [*own, *reversed(range(next_segment(self.path / RAW)))]
-
-    def own_revision(self) -> Path:
-        """Return the folder of the run's own analysis, 000; no other one takes this number."""
-        revision = self.path / REVISIONS / "000"
-        revision.mkdir(parents=True, exist_ok=True)
-        return revision
-
-    def new_revision(self) -> Path:
-        """Return a fresh folder for a re-analysis, from 001 on; earlier ones stay as they are.
-
-        Raises RecordError where it cannot be made.
-        """
-        parent = self.path / REVISIONS
-        try:
-            parent.mkdir(exist_ok=True)
-            # One that was removed keeps its number.
-            names = [*(path.name for path in parent.iterdir()), *named_revisions(self.events)]
-            number = max((int(name) for name in names if name.isdecimal()), default=0) + 1
-            while True:
-                with suppress(FileExistsError):  # another analysis was faster
-                    revision = parent / f"{number:03d}"
-                    revision.mkdir()
-                    return revision
-                number += 1
-        except OSError as error:
-            raise RecordError(
-                f"cannot make a folder in {parent}: {error.strerror or error}; choose another "
-                "place for the results with --output"
-            ) from error

@@ -32,7 +32,7 @@ from station.record.events import (
     read_events,
 )
 from station.record.files import is_own_file
-from station.record.later import OWN_REVISION, named_revisions
+from station.record.later import OWN_REVISION, named_revisions, revisions_of
 from station.record.layout import (
     BENCH,
     EVENTS,
@@ -456,7 +456,7 @@ def _log_against(folder: OpenedRecord, digest: str) -> tuple[bool, list[str]]:
 def _altered_revisions(folder: OpenedRecord, *, whole: bool) -> Iterator[str]:
     """Yield each revision that is missing or was added, and each of its files that was changed."""
     revisions, named = folder.path / REVISIONS, named_revisions(folder.events)
-    there = {path.name: path for path in sorted(revisions.iterdir())} if revisions.is_dir() else {}
+    there = revisions_of(folder.path)
     for folder_of in (revisions, folder.path / SIGNATURES):
         if folder_of.is_symlink():
             yield f"{folder_of} is a link: the run makes none"
@@ -466,7 +466,7 @@ def _altered_revisions(folder: OpenedRecord, *, whole: bool) -> Iterator[str]:
     for number, path in there.items():
         manifest = path / MANIFEST
         if path.is_symlink() or not is_own_file(manifest):
-            yield f"{path} was added: it has no {MANIFEST}"
+            yield f"{path} was added: it has no {MANIFEST}, so it is no revision; move it elsewhere"
             continue
         if named and number not in named and not is_held(folder.path / LOCK):
             yield f"{path} was added: {EVENTS} does not name this revision"

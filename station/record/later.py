@@ -6,16 +6,19 @@ missed. The manifest is written anew for the log alone: what it says of every ot
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 from station.clock import utc_now
+from station.console import tell
 from station.errors import RecordError
-from station.files.locks import LockHeld
+from station.files.locks import FileLock, LockHeld, remove_if_free
 from station.record.events import REVISED, Event, EventLog, read_events
-from station.record.files import is_own_file
+from station.record.files import is_own_file, sync_folder
 from station.record.layout import (
     EVENTS,
     GUARDIAN_LOG,
@@ -29,6 +32,8 @@ from station.record.layout import (
 )
 
 OWN_REVISION = "000"
+DRAFT = ".new-"
+"""How the folder of a revision is named until the revision is whole; a draft is no revision."""
 GROWS_STILL = (EVENTS, GUARDIAN_LOG)
 """What the log holds no SHA-256 of: both have chains of their own, and a guardian may go on."""
 
@@ -60,7 +65,7 @@ def record_later(
                 "utc": now.isoformat(timespec="seconds"),
                 "silent_s": round(max(now.timestamp() - written_s, 0.0), 3),
                 "files": _hashes_to_log(folder),
-                "revisions": revision_hashes(folder),
+                "revisions": {**revision_hashes(folder), **details.get("revisions", {})},
             }
             head = log.head_with(log.last_s, kind, whole)
             before(head)
@@ -108,10 +113,100 @@ def named_revisions(events: Sequence[Event]) -> dict[str, str]:
     return named
 
 
+def revisions_of(folder: Path) -> dict[str, Path]:
+    """Return the folder of each revision by its number, in their order."""
+    revisions = folder / REVISIONS
+    paths = sorted(revisions.iterdir()) if revisions.is_dir() else []
+    return {path.name: path for path in paths if not path.name.startswith(DRAFT)}
+
+
 def revision_hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of the manifest of each revision of a folder that has one."""
-    manifests = sorted((folder / REVISIONS).glob(f"*/{MANIFEST}"))
-    return {path.parent.name: file_hash(path) for path in manifests if is_own_file(path)}
+    manifests = {number: path / MANIFEST for number, path in revisions_of(folder).items()}
+    return {number: file_hash(path) for number, path in manifests.items() if is_own_file(path)}
+
+
+@contextmanager
+def draft_revision(folder: Path) -> Iterator[Path]:
+    """Give a folder in which a revision is written; what is not added by the end is removed.
+
+    So are the drafts that killed processes left. Raises RecordError where it cannot be made.
+    """
+    parent = folder / REVISIONS
+    draft = parent / f"{DRAFT}{token_hex(8)}"
+    try:
+        parent.mkdir(exist_ok=True)
+        for abandoned in parent.glob(f"{DRAFT}*.lock"):
+            with suppress(LockHeld):
+                _remove_draft(FileLock(abandoned))
+        lock = FileLock(draft.with_suffix(".lock"))
+        draft.mkdir()
+    except OSError as error:
+        raise RecordError(
+            f"cannot make a folder in {parent}: {error.strerror or error}; choose another "
+            "place for the results with --output"
+        ) from error
+    try:
+        yield draft
+    finally:
+        _remove_draft(lock)
+
+
+def _remove_draft(lock: FileLock) -> None:
+    """Remove a draft whose lock is held, where it is still there, and give the lock back."""
+    shutil.rmtree(lock.path.with_suffix(""), ignore_errors=True)
+    lock.release()
+    remove_if_free(lock.path)
+
+
+def add_own_revision(folder: Path, draft: Path) -> Path:
+    """Let a draft be the run's own revision, 000; no other analysis takes this number."""
+    revision = folder / REVISIONS / OWN_REVISION
+    shutil.rmtree(revision, ignore_errors=True)  # of an evaluation that was killed
+    draft.rename(revision)
+    sync_folder(revision.parent)
+    return revision
+
+
+def add_revision(folder: Path, draft: Path) -> Path:
+    """Let a draft be the next revision, from 001 on, and the log name it; return its folder.
+
+    A run that goes on names it itself, when it ends. Raises RecordError, and adds none, where the
+    log cannot be written.
+    """
+    while True:
+        # One that was removed keeps its number.
+        numbers = {*revisions_of(folder), *named_revisions(tuple(read_events(folder / EVENTS)))}
+        last = max((int(number) for number in numbers if number.isdecimal()), default=0)
+        revision = folder / REVISIONS / f"{last + 1:03d}"
+        with suppress(FileExistsError):  # another analysis was faster
+            _add(folder, draft, revision)
+            sync_folder(revision.parent)
+            return revision
+
+
+def _add(folder: Path, draft: Path, revision: Path) -> None:
+    hashes = {revision.name: file_hash(draft / MANIFEST)}
+    details = {"revision": revision.name, "revisions": hashes}
+    try:
+        record_later(folder, REVISED, details, lambda _: _rename(draft, revision))
+    except NotRecorded as error:
+        _rename(draft, revision)
+        tell(f"WARNING: {revision} is not in the log of the run: {error}")
+    except BaseException:
+        if revision.name not in named_revisions(tuple(read_events(folder / EVENTS))):
+            with suppress(OSError):  # another one's, and the draft is there still
+                revision.rename(draft)
+        raise
+
+
+def _rename(draft: Path, revision: Path) -> None:
+    try:
+        draft.rename(revision)
+    except OSError as error:
+        if revision.exists():
+            raise FileExistsError(str(revision)) from error
+        raise
 
 
 def _hashes_to_log(folder: Path) -> dict[str, str]:

@@ -30,6 +30,7 @@ from station.procedure import Procedures, as_declared, procedure_of
 from station.record.events import RESUMED, SAFE_STATE, TIME_MISSED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
+from station.record.later import add_own_revision, draft_revision
 from station.record.layout import MANIFEST, write_manifest
 from station.record.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
@@ -229,8 +230,9 @@ def conclude_run(path: Path, *, report: bool = True) -> ResultDocument:
     """Evaluate a run for the first time: revision 000, and its copies at the top of the folder."""
     folder = RunFolder(path)
     document, findings = evaluate_run(folder)
-    revision = folder.own_revision()
-    write_revision(folder, revision, document, findings, report=report)
+    with draft_revision(path) as draft:
+        write_revision(folder, draft, document, findings, report=report)
+        revision = add_own_revision(path, draft)
     for file in sorted(revision.iterdir()):
         if file.name != MANIFEST:
             write_whole_file(path / file.name, file.read_bytes())

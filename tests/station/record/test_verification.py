@@ -6,13 +6,15 @@ import base64
 import json
 import os
 import random
+import resource
 import shutil
+import signal
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
-from command_line import station
+from command_line import begun, station
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
     BestAvailableEncryption,
@@ -30,13 +32,13 @@ from station.cli.looking import print_status
 from station.cli.verifying import sign_run, verify_runs
 from station.clock import RealClock, utc_now
 from station.control.status import read_status
-from station.errors import EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
+from station.errors import EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError, RecordError
 from station.files.locks import FileLock
 from station.history.store import History
 from station.history.summary import summary_of
 from station.record.events import read_events
 from station.record.folder import RunFolder, RunRecord
-from station.record.later import record_later
+from station.record.later import add_revision, draft_revision, record_later
 from station.record.layout import (
     EVENTS,
     LOCK,
@@ -49,6 +51,7 @@ from station.record.layout import (
 from station.record.run_list import entry_of
 from station.record.signatures import new_key, sign
 from station.record.verification import verify
+from station.runner.evaluation import evaluate_run, write_revision
 
 BITS_EACH = 4
 
@@ -181,6 +184,61 @@ def test_a_revision_that_was_added_or_written_anew_is_named(run: Path) -> None:
     sentences = " ".join(verify(run).changed)
     assert "001/manifest.json was written anew" in sentences
     assert "002 was added: events.jsonl does not name this revision" in sentences
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        signal.SIGKILL,
+        *(
+            pytest.param(other, marks=pytest.mark.campaign)
+            for other in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        ),
+    ],
+)
+def test_an_analysis_that_was_killed_alters_nothing_and_the_next_one_cleans_up(
+    run: Path, end: signal.Signals
+) -> None:
+    analysis = begun(run.parent, "analyse", run)
+    while [path.name for path in (run / "revisions").iterdir()] == ["000"]:
+        RealClock().sleep(0.001)
+    analysis.send_signal(end)
+    analysis.communicate(timeout=60)
+    assert [verify(run, whole=whole).state for whole in (True, False)] == ["unchanged"] * 2
+    analysed(run)
+    assert sorted(path.name for path in (run / "revisions").iterdir()) == ["000", "001"]
+    assert not verify(run).changed
+
+
+def test_while_an_analysis_writes_the_run_is_unchanged_and_another_takes_the_next_number(
+    run: Path,
+) -> None:
+    folder = RunFolder(run)
+    document, findings = evaluate_run(folder)
+    with draft_revision(run) as draft:
+        write_revision(folder, draft, document, findings, report=False)
+        assert not verify(run).changed
+        assert analysed(run).name == "001"
+        assert not verify(run).changed
+        assert add_revision(run, draft).name == "002"
+    assert sorted(path.name for path in (run / "revisions").iterdir()) == ["000", "001", "002"]
+    assert not verify(run).changed
+
+
+def test_an_analysis_whose_line_the_log_does_not_take_adds_no_revision(run: Path) -> None:
+    folder = RunFolder(run)
+    document, findings = evaluate_run(folder)
+    _, hard = before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with draft_revision(run) as draft:
+        write_revision(folder, draft, document, findings, report=False)
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((run / EVENTS).stat().st_size + 100, hard))
+        try:
+            with pytest.raises(RecordError, match=r"cannot write .*events\.jsonl"):
+                add_revision(run, draft)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path.name for path in (run / "revisions").iterdir()] == ["000"]
+    assert not verify(run).changed
 
 
 def as_of_before(run: Path) -> None:
