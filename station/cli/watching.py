@@ -15,6 +15,7 @@ from station.errors import InputError
 from station.record.layout import EVENTS
 from station.record.run_names import RUNS
 from station.record.run_state import GOES_ON
+from station.record.verification import quick_look
 from station.runner.progress import REPEAT_S
 
 LOOKS_EVERY_S = 0.5
@@ -51,6 +52,8 @@ def watch_status(folder: Path, wait: Callable[[], None] = pause_between_looks) -
         show = watch_on_screen if can_draw(sys.stdout) else watch_in_lines
     try:
         show(folder, wait)
+        if (record := quick_look(folder)).unproven:
+            print(f"record: {record.sentence()}", flush=True)
     except KeyboardInterrupt:
         tell("\nstopped watching; the run is not affected")
 

@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 from station.clock import utc_now
 from station.control.live import LiveValues
 from station.control.status import message_of, run_time_s
-from station.errors import StationError
+from station.errors import DamagedRecord, StationError
 from station.files.locks import is_held
 from station.guardian.notes import guardian_at_work
 from station.record.events import Event, guardian_events, in_words
 from station.record.layout import LOCK
 from station.record.log_tail import LogTail
 from station.record.run_state import GOES_ON, SENTENCES, RunState, State
+from station.record.verification import quick_look
 
 LATEST = 40
 """Lines of the log that are shown."""
@@ -58,6 +59,12 @@ class RunReader:
                 self._damage = error
                 raise
             self._latest.append(event)
+
+    def refuse_altered(self) -> None:
+        """Raise DamagedRecord where a run that has ended is not any more as it was left."""
+        record = quick_look(self.folder)
+        if record.state == "altered":
+            raise DamagedRecord(record.sentence())
 
     def live(self) -> dict[str, Any]:
         """Return what the run sets and reads just now; nothing where it does not answer."""

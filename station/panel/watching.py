@@ -49,7 +49,13 @@ class RunWatch:
     def _look(self, now_s: float) -> None:
         """Read what was added; a folder that cannot be read is said to be so."""
         damage = ""
-        for look in (self._reader.read, self._look_at_state, lambda: self._look_at_plots(now_s)):
+        looks = (
+            self._reader.read,
+            self._look_at_state,
+            lambda: self._look_at_plots(now_s),
+            self._reader.refuse_altered,
+        )
+        for look in looks:
             try:
                 look()
             except DAMAGE as error:

@@ -98,28 +98,39 @@ def read_events(path: Path) -> Iterator[Event]:
 
 def checked_lines(path: Path, log: bytes) -> Iterator[tuple[Event, str]]:
     """Yield each event of the log's bytes with its line's SHA-256; errors as `read_events`."""
-    previous = FIRST_HASH
-    lines = log.split(b"\n")
+    chain = LogChain(path)
     # What follows the last line end is empty, or was cut short.
-    for number, line in enumerate(lines[:-1], start=1):
+    for line in log.split(b"\n")[:-1]:
+        yield chain.next_event(line), chain.head
+
+
+class BrokenChain(DamagedRecord):
+    """A line that does not follow the one before: that one is not as it was written."""
+
+
+class LogChain:
+    """The lines of a log, read in order, each held against the one before."""
+
+    def __init__(self, path: Path) -> None:
+        self.head = FIRST_HASH
+        """The SHA-256 of the line read last."""
+        self._path = path
+        self._lines = 0
+
+    def next_event(self, line: bytes) -> Event:
+        """Return the event of the next line, without its end; raises DamagedRecord."""
+        at = f"{self._path}:{self._lines + 1}: the log was altered"
         try:
             data = json.loads(line)
-            stated_hash, time_s, kind = (
-                data.pop("previous"),
-                float(data.pop("t_s")),
-                data.pop("event"),
-            )
+            previous, time_s, kind = data.pop("previous"), float(data.pop("t_s")), data.pop("event")
         except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-            raise DamagedRecord(
-                f"{path}:{number}: the log was altered: this line is no event"
-            ) from error
-        if stated_hash != previous:
-            which = f"line {number - 1} is not" if number > 1 else "the first line is not"
-            raise DamagedRecord(
-                f"{path}:{number}: the log was altered: {which} the one that was written"
-            )
-        previous = hashlib.sha256(line).hexdigest()
-        yield Event(time_s, kind, data), previous
+            raise DamagedRecord(f"{at}: this line is no event") from error
+        if previous != self.head:
+            which = f"line {self._lines} is not" if self._lines else "the first line is not"
+            raise BrokenChain(f"{at}: {which} the one that was written")
+        self.head = hashlib.sha256(line).hexdigest()
+        self._lines += 1
+        return Event(time_s, kind, data)
 
 
 def of_the_run(events: Sequence[Event]) -> Sequence[Event]:

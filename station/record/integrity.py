@@ -144,6 +144,11 @@ class FolderState:
         return "no-manifest" if self.no_manifest else "unchanged"
 
     @property
+    def unproven(self) -> bool:
+        """Whether what an ended run has left cannot be shown as its own."""
+        return self.state in ("altered", "no-manifest")
+
+    @property
     def head(self) -> str:
         """The SHA-256 of the log's last line, which holds that of every line before."""
         return self.heads[-1] if self.heads else ""

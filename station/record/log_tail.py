@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
+from copy import copy
 from pathlib import Path
 
 from station.errors import DamagedRecord
-from station.record.events import Event
+from station.record.events import BrokenChain, Event, LogChain
 from station.record.layout import EVENTS
 
 
@@ -16,25 +16,29 @@ class LogTail:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / EVENTS
+        self._chain = LogChain(self._path)
         self._at = 0
 
     def new_events(self) -> Iterator[Event]:
         """Yield the events since the last call.
 
-        Raises OSError where the log is gone, and DamagedRecord at each line that is no event.
+        Raises OSError where the log is gone, and DamagedRecord, at each call, behind the last line
+        that is as it was written.
         """
         with self._path.open("rb") as file:
             file.seek(self._at)
             added = file.read()
-        whole = added[: added.rfind(b"\n") + 1]
-        for line in whole.splitlines(keepends=True):
-            try:
-                data = json.loads(line)
-                data.pop("previous", None)
-                event = Event(float(data.pop("t_s")), str(data.pop("event")), data)
-            except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-                raise DamagedRecord(
-                    f"{self._path}: the log was altered: what stands at byte {self._at} is no event"
-                ) from error
-            self._at += len(line)
+        chain, damage = copy(self._chain), None
+        events = list[tuple[Event, LogChain, int]]()
+        try:
+            for line in added.split(b"\n")[:-1]:
+                events.append((chain.next_event(line), copy(chain), len(line) + 1))
+        except DamagedRecord as error:
+            damage = error
+            if isinstance(error, BrokenChain):
+                del events[-1:]
+        for event, self._chain, size in events:
+            self._at += size
             yield event
+        if damage is not None:
+            raise damage

@@ -67,7 +67,7 @@ def refuse_unproven(folder: Path, *files: str) -> None:
     one of the manifest. A run that goes on has not left it yet.
     """
     state = quick_look(folder)
-    if state.state in ("altered", "no-manifest"):
+    if state.unproven:
         raise DamagedRecord(f"{folder.name}: {state.sentence()}")
     listed = covered_files(folder)
     for name in files:

@@ -36,9 +36,9 @@ function stateOf(data) {
   safeOf(data.safe);
   const died = data.state === "interrupted";
   show("notice", died || data.state === "failed" || damage !== "");
-  if (damage) say("notice", damage);
   if (died) say("notice", t("STATION ERROR: the run's process is gone. {message}", {message: data.message}));
   if (data.state === "failed") say("notice", t("The run did not finish: {message}", {message: data.message}));
+  if (damage) say("notice", damage);  // of a damaged log nobody knows how the run ended
   if (!alive && data.state === "finished" && !resultsShown) after();
 }
 

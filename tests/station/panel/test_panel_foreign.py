@@ -10,9 +10,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from command_line import station
+from history_runs import chained
 from panel_server import Served, panel
 
 from station.cli.looking import listed_run
+from station.cli.watching import watch_status
 from station.control.status import read_status
 from station.errors import InputError
 from station.panel import app
@@ -47,7 +50,7 @@ def made(runs: Path, log: str = "", **files: str) -> Path:
 
 
 def line(kind: str = "run-started", **details: object) -> str:
-    return json.dumps({"t_s": 0.0, "event": kind, **details}) + "\n"
+    return chained([{"t_s": 0.0, "event": kind, **details}])
 
 
 def linked_lock(folder: Path) -> None:
@@ -139,18 +142,50 @@ def test_a_body_that_nests_too_deep_is_refused_in_a_sentence(served: Served) -> 
 
 
 def test_a_damaged_log_is_said_to_be_so_until_it_is_whole(tmp_path: Path) -> None:
-    begun, rest = line(steps=[]), line("prompt-shown", id="mount", text="Mount the gyro.")
-    folder = made(tmp_path, f"{begun}[]\n{rest}")
-    watch = RunWatch(folder)
-    for _ in range(2):
+    begun = {"t_s": 0.0, "event": "run-started", "steps": []}
+    asked = {"t_s": 0.0, "event": "prompt-shown", "id": "mount", "text": "Mount the gyro."}
+    whole = chained([begun, asked])
+    forged = whole.replace("Mount", "Drop") + line("safe-state", outcomes=[])
+    damaged = {
+        "is no event": f"{line(steps=[])}[]\n",
+        "line 2 is not the one that was written": forged,
+    }
+    for sentence, log in damaged.items():
+        folder = made(tmp_path, log)
+        watch = RunWatch(folder)
+        for _ in range(2):
+            news = dict(watch.news({}))
+            assert sentence in json.loads(news["unreadable"])["message"]
+            assert len(json.loads(news["state"])["log"]) == 1
+            watch._looked_s = float("-inf")
+        (folder / "events.jsonl").write_text(whole, encoding="utf-8")
         news = dict(watch.news({}))
-        assert "byte" in json.loads(news["unreadable"])["message"]
-        assert len(json.loads(news["state"])["log"]) == 1
-        watch._looked_s = float("-inf")
-    (folder / "events.jsonl").write_text(f"{begun}\n"[:-1] + rest, encoding="utf-8")
-    news = dict(watch.news({}))
-    assert json.loads(news["unreadable"])["message"] == ""
-    assert len(json.loads(news["state"])["log"]) == 2
+        assert json.loads(news["unreadable"])["message"] == ""
+        assert len(json.loads(news["state"])["log"]) == 2
+
+
+def test_a_last_line_that_was_altered_is_named_once_the_run_has_ended(
+    one_axis_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shutil.copytree(one_axis_run, tmp_path / one_axis_run.name)
+    log = (folder / "events.jsonl").read_text(encoding="utf-8")
+    *before, last = log.splitlines(keepends=True)
+    (folder / "events.jsonl").write_text("".join([*before, last.replace("000", "009", 1)]), "utf-8")
+    watch_status(folder)
+    assert "record: ALTERED" in capsys.readouterr().out
+    assert "ALTERED" in json.loads(dict(RunWatch(folder).news({}))["unreadable"])["message"]
+
+
+@pytest.mark.parametrize("verb", [["status", "--watch"], ["status"], ["attach"]])
+def test_no_terminal_shows_a_line_that_was_altered(
+    verb: list[str], one_axis_run: Path, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(one_axis_run, tmp_path / one_axis_run.name)
+    log = folder / "events.jsonl"
+    log.write_text(log.read_text(encoding="utf-8").replace("output off", "OUTPUT ON"), "utf-8")
+    done = station(tmp_path, *verb, str(folder))
+    assert (done.returncode, "the log was altered" in done.stderr) == (2, True)
+    assert "OUTPUT ON" not in done.stdout + done.stderr
 
 
 def test_an_event_without_its_details_is_said_to_be_damage(tmp_path: Path) -> None:
