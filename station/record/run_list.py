@@ -41,7 +41,7 @@ def entry_of(folder: Path) -> dict[str, Any]:
         looked = quick_look(folder)
         running = looked.going_on
         state = "running" if running else "evaluated" if verdict else "ended without results"
-        if verdict and looked.unproven:
+        if looked.state == "altered" or (verdict and looked.unproven):
             verdict, state = None, looked.sentence()
     except (OSError, InputError):
         running, verdict, state = False, None, "its lock cannot be read"
