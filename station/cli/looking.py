@@ -62,7 +62,7 @@ def entries(kind: str, search: str = "") -> list[dict[str, Any]]:
             }
             for name in registry.names(registry.DRIVERS)
         ]
-    return [listed_run(run) for run in reversed(newest_runs(RUNS, search))]
+    return [listed_run(run) for run in newest_runs(RUNS, search)]
 
 
 def about(procedure: str) -> str:

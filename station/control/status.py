@@ -12,9 +12,8 @@ from station.files.locks import is_held
 from station.guardian.notes import AtWork, guardian_at_work
 from station.record.events import guardian_events, read_events
 from station.record.layout import EVENTS, LOCK
+from station.record.run_names import runs_below, stamp_of
 from station.record.run_state import RunState, State
-
-STAMP_LENGTH = len("20260301T081500Z")
 
 
 @dataclass(frozen=True)
@@ -45,11 +44,10 @@ class Status:
 
 def newest_run(parent: Path) -> Path:
     """Return the run folder below `parent` that began last; raises InputError without one."""
-    logs = [path for path in parent.glob("*/" + EVENTS) if not path.parent.name.startswith(".")]
-    if not logs:
+    runs = runs_below(parent)
+    if not runs:
         raise InputError(f"there is no run below {parent}; name a run folder")
-    newest = max(logs, key=lambda log: (log.parent.name[:STAMP_LENGTH], log.stat().st_mtime))
-    return newest.parent
+    return max(runs, key=lambda run: (stamp_of(run), (run / EVENTS).stat().st_mtime))
 
 
 def read_state(folder: Path) -> RunState:

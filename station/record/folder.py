@@ -27,6 +27,7 @@ from station.record.layout import (
     raw_file,
     run_lock,
 )
+from station.record.run_names import STAMP_FORM
 from station.record.run_state import RunState
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ class RunRecord:
         clock: Clock,
         head: Mapping[str, str | bytes] | None = None,
     ) -> None:
-        stamp = utc_now().strftime("%Y%m%dT%H%M%SZ")
+        stamp = utc_now().strftime(STAMP_FORM)
         safe_serial = re.sub(r"[^A-Za-z0-9._-]+", "_", serial)
         name = f"{stamp}-{procedure}-{safe_serial}"
         self._open(folder_with_head(parent, name, head or {}), clock)

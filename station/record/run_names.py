@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 from station.errors import InputError
-from station.record.layout import EVENTS
+from station.record.careful_reading import read_json, words
+from station.record.layout import EVENTS, RUN
 
 RUNS = Path("runs")
 """Where `station run` puts its folders where nobody says otherwise."""
 
+STAMP_FORM = "%Y%m%dT%H%M%SZ"
+"""With what the name of a run folder begins."""
+STAMP = re.compile(r"\d{8}T\d{6}Z")
+STAMP_LENGTH = len("20260301T081500Z")
+
 
 def runs_below(parent: Path) -> list[Path]:
     """Return the run folders below `parent`, oldest first."""
-    return sorted(path.parent for path in parent.glob(f"[!.]*/{EVENTS}"))
+    runs = (path.parent for path in parent.glob(f"[!.]*/{EVENTS}"))
+    return sorted(runs, key=lambda run: (stamp_of(run), run.name))
+
+
+def stamp_of(run: Path) -> str:
+    """Return when a run began, as its name says it, or else its `run.json`; empty if neither."""
+    if STAMP.match(run.name):
+        return run.name[:STAMP_LENGTH]
+    try:
+        began = datetime.fromisoformat(words(read_json(run / RUN).get("started_utc")))
+        return began.astimezone(UTC).strftime(STAMP_FORM)
+    except (ValueError, OverflowError):
+        return ""
 
 
 def find_run(

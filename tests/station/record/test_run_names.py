@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import pytest
 from command_line import station
 
+from station.cli.looking import entries
 from station.cli.options import active_run, complete_run
+from station.control.status import newest_run
 from station.errors import InputError
 from station.files.locks import FileLock
 from station.record.layout import EVENTS, LOCK
@@ -49,6 +52,19 @@ def test_several_are_listed_newest_first_and_none_is_refused(runs: Path) -> None
     assert said.index(NAMES[2]) < said.index(NAMES[1])
     with pytest.raises(InputError, match="no run below"):
         find_run(Path("SN-0044"), runs)
+
+
+def test_runs_are_listed_newest_first_and_one_without_a_stamp_by_when_it_began(
+    runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, utc in (("copy", "2026-01-02T13:00:00+01:00"), ("unknown", "")):
+        (runs / name).mkdir()
+        (runs / name / EVENTS).touch()
+        (runs / name / "run.json").write_text(json.dumps({"started_utc": utc}), encoding="utf-8")
+    monkeypatch.chdir(runs.parent)
+    newest_first = [NAMES[2], "copy", NAMES[1], NAMES[0], "unknown"]
+    assert [entry["name"] for entry in entries("runs")] == newest_first
+    assert newest_run(runs).name == NAMES[2]
 
 
 def test_the_command_line_takes_a_part_of_a_name(runs: Path) -> None:
