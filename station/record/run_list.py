@@ -9,7 +9,7 @@ from typing import Any
 from station.errors import InputError
 from station.record.careful_reading import first_line, own_text, read_json, words
 from station.record.layout import EVENTS, PLAN, RUN
-from station.record.run_names import runs_below
+from station.record.run_names import runs_below, serial_of
 from station.record.verification import quick_look
 
 RESULTS = "results.json"
@@ -36,7 +36,6 @@ def entry_of(folder: Path) -> dict[str, Any]:
     begun = first_event(folder)
     facts = read_json(folder / RUN)
     verdict = words(read_json(folder / RESULTS).get("verdict")) or None
-    dut = begun.get("dut")
     try:
         looked = quick_look(folder)
         running = looked.going_on
@@ -49,7 +48,7 @@ def entry_of(folder: Path) -> dict[str, Any]:
         "run": folder.name,
         "procedure": words(begun.get("procedure")),
         "bench": words(facts.get("bench_file")),
-        "serial": words(dut.get("serial")) if isinstance(dut, dict) else "",
+        "serial": serial_of(folder),
         "operator": operator_of(folder),
         "started": words(facts.get("started_utc")),
         "running": running,

@@ -1,4 +1,4 @@
-"""Run folders by a part of their name, as a person types it: `SN-0042` for the one that has it."""
+"""Run folders by a part of their name, or of their device's serial number, as a person types it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from station.errors import InputError
-from station.record.careful_reading import read_json, words
+from station.record.careful_reading import first_line, read_json, words
 from station.record.layout import EVENTS, RUN
 
 RUNS = Path("runs")
@@ -37,18 +37,27 @@ def stamp_of(run: Path) -> str:
         return ""
 
 
+def serial_of(run: Path) -> str:
+    """Return the serial number of a run's device, empty where its log does not say it."""
+    dut = first_line(run / EVENTS).get("dut")
+    return words(dut.get("serial")) if isinstance(dut, dict) else ""
+
+
 def find_run(
     name: Path, parent: Path = RUNS, *, is_active: Callable[[Path], bool] | None = None
 ) -> Path:
-    """Return the folder of a run from its path, its name, or what only its name holds.
+    """Return the folder of a run from its path, its name, or what only its name or device holds.
 
     A path that exists is taken as it is. With `is_active`, of several runs the active one is meant.
-    Raises InputError where no name below `parent` holds the text, or several do.
+    Raises InputError where no name and no serial number below `parent` holds the text, or several.
     """
     if name.exists() or len(name.parts) != 1:
         return name
     text = str(name).lower()
-    fitting = [path for path in runs_below(parent) if text in path.name.lower()]
+    below = runs_below(parent)
+    fitting = [path for path in below if text in path.name.lower()]
+    # The name of a folder has no blank and no other letters than A to Z.
+    fitting = fitting or [path for path in below if text in serial_of(path).lower()]
     exact = [path for path in fitting if path.name.lower() == text]
     active = [path for path in fitting if is_active(path)] if is_active and fitting[1:] else []
     match exact or active or fitting:
@@ -56,13 +65,13 @@ def find_run(
             return only
         case []:
             raise InputError(
-                f"there is no file or folder {name}, and no run below {parent} has a name that "
-                f"holds '{name}'; `station list runs` lists them"
+                f"there is no file or folder {name}, and no run below {parent} has a name or a "
+                f"serial number that holds '{name}'; `station list runs` lists them"
             )
         case several:
             newest_first = "".join(f"\n  {path.name}" for path in reversed(several))
             which = "active runs" if active else "runs"
             raise InputError(
-                f"{len(several)} {which} below {parent} have a name that holds '{name}'; write "
-                f"more of the one you mean:{newest_first}"
+                f"{len(several)} {which} below {parent} fit '{name}'; write the name, or more of "
+                f"it, of the one you mean:{newest_first}"
             )

@@ -15,6 +15,7 @@ from station.cli.options import active_run, complete_run
 from station.control.status import newest_run
 from station.errors import InputError
 from station.files.locks import FileLock
+from station.record.events import EventLog
 from station.record.layout import EVENTS, LOCK
 from station.record.run_names import find_run
 
@@ -52,6 +53,17 @@ def test_several_are_listed_newest_first_and_none_is_refused(runs: Path) -> None
     assert said.index(NAMES[2]) < said.index(NAMES[1])
     with pytest.raises(InputError, match="no run below"):
         find_run(Path("SN-0044"), runs)
+
+
+@pytest.mark.parametrize("serial", ["A b#1", "😀", "é"])
+def test_a_serial_number_that_no_folder_is_named_by_means_its_run(runs: Path, serial: str) -> None:
+    for number, each in enumerate((serial, "B c")):
+        run = runs / f"2026010{number + 4}T000000Z-rlg-magnetic-sensitivity-_"
+        run.mkdir()
+        log = EventLog(run / EVENTS)
+        log.append(0.0, "run-started", {"dut": {"serial": each}}, durable=False)
+        log.close()
+    assert find_run(Path(serial), runs).name.startswith("20260104")
 
 
 def test_runs_are_listed_newest_first_and_one_without_a_stamp_by_when_it_began(
