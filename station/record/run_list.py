@@ -22,7 +22,7 @@ def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[d
     for folder in reversed(runs_below(runs)):
         if most is not None and len(rows) >= most:
             break
-        if folder.is_symlink() or not folder.name.isprintable():  # nothing can be had of it
+        if not folder.name.isprintable():  # nothing can be had of it
             continue
         entry = entry_of(folder)
         named = (entry[key] for key in ("run", "serial", "operator", "verdict", "state"))

@@ -21,9 +21,10 @@ STAMP_LENGTH = len("20260301T081500Z")
 
 
 def runs_below(parent: Path) -> list[Path]:
-    """Return the run folders below `parent`, oldest first."""
+    """Return the run folders below `parent`, oldest first; a link to a folder is none of them."""
     runs = (path.parent for path in parent.glob(f"[!.]*/{EVENTS}"))
-    return sorted(runs, key=lambda run: (stamp_of(run), run.name))
+    own = (run for run in runs if not run.is_symlink())
+    return sorted(own, key=lambda run: (stamp_of(run), run.name))
 
 
 def stamp_of(run: Path) -> str:

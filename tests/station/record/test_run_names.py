@@ -17,7 +17,7 @@ from station.errors import InputError
 from station.files.locks import FileLock
 from station.record.events import EventLog
 from station.record.layout import EVENTS, LOCK
-from station.record.run_names import find_run
+from station.record.run_names import find_run, runs_below
 
 NAMES = (
     "20260101T000000Z-rlg-magnetic-sensitivity-SN-0042",
@@ -74,6 +74,8 @@ def test_runs_are_listed_newest_first_and_one_without_a_stamp_by_when_it_began(
         (runs / name / EVENTS).touch()
         (runs / name / "run.json").write_text(json.dumps({"started_utc": utc}), encoding="utf-8")
     monkeypatch.chdir(runs.parent)
+    (runs / "zz").symlink_to(runs / NAMES[0])
+    assert "zz" not in [run.name for run in runs_below(runs)]
     newest_first = [NAMES[2], "copy", NAMES[1], NAMES[0], "unknown"]
     assert [entry["name"] for entry in entries("runs")] == newest_first
     assert newest_run(runs).name == NAMES[2]
