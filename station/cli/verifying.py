@@ -15,6 +15,7 @@ from station.errors import (
     EXIT_DONE,
     EXIT_OUTSIDE_LIMIT,
     EXIT_UNDETERMINED,
+    EXIT_WRONG_INPUT,
     InputError,
     StationError,
 )
@@ -88,21 +89,37 @@ def verify_runs(
 ) -> int:
     """Print what was changed in each folder; return 1 where anything was, 6 without a manifest.
 
-    With a file of `trusted` keys or a `bench` that names them, a folder that no trusted key signed
-    is changed, too; with a `head`, one that never had it.
+    A folder of several that is no run, or is being run, is named, and is exit code 2 where nothing
+    was changed elsewhere. With a file of `trusted` keys or a `bench` that names them, a folder that
+    no trusted key signed is changed, too; with a `head`, one that never had it.
     """
     if head is not None and len(folders) != 1:
         raise InputError("--head is the head of one run; name that run alone")
     keys = trusted_keys(trusted, bench)
-    verified = [verified_run(folder, keys, head) for folder in folders]
+    verified, refused = list[Verified](), dict[Path, str]()
+    for folder in folders:
+        try:
+            verified.append(verified_run(folder, keys, head))
+        except InputError as error:
+            if len(folders) == 1:
+                raise
+            refused[folder] = str(error)
     if as_json:
         runs = [entry.to_data() for entry in verified]
-        print(json.dumps({"runs": runs}, indent=1, ensure_ascii=False))
+        others = [
+            {"run": str(folder), "state": "not-verified", "error": why}
+            for folder, why in refused.items()
+        ]
+        print(json.dumps({"runs": [*runs, *others]}, indent=1, ensure_ascii=False))
     else:
         for entry in verified:
             print("\n".join(map(printable, lines(entry))))
+        for why in refused.values():
+            tell(printable(f"not verified: {why}"))
     if any(entry.changed for entry in verified):
         return EXIT_OUTSIDE_LIMIT
+    if refused:
+        return EXIT_WRONG_INPUT
     proven = not any(entry.state.no_manifest for entry in verified)
     return EXIT_DONE if proven else EXIT_UNDETERMINED
 

@@ -334,6 +334,24 @@ def test_what_is_no_run_and_what_is_running_is_refused(run: Path, tmp_path: Path
         lock.release()
 
 
+def test_of_several_folders_one_that_cannot_be_verified_hides_no_other(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    running = Path(shutil.copytree(run, tmp_path / "running"))
+    lock = FileLock(running / LOCK)
+    try:
+        assert verify_runs([running, run], as_json=False) == 2
+        printed = capsys.readouterr()
+        assert f"{run}: unchanged" in printed.out
+        assert f"not verified: {running} is being run" in printed.err
+        (run / "results.json").unlink()
+        assert verify_runs([tmp_path / "none", run, running], as_json=True) == EXIT_OUTSIDE_LIMIT
+        runs = json.loads(capsys.readouterr().out)["runs"]
+        assert [entry["state"] for entry in runs] == ["altered", "not-verified", "not-verified"]
+    finally:
+        lock.release()
+
+
 @pytest.fixture
 def key(tmp_path: Path) -> Path:
     """A laboratory's private key."""
