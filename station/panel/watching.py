@@ -76,11 +76,14 @@ class RunWatch:
         return ":".join([self._key, *(str(seen.get(name, 0)) for name in self._versions)])
 
     def seen_at(self, mark: str) -> dict[str, int]:
-        """Return what was seen at a mark; nothing where another panel gave it."""
+        """Return what was seen at a mark; nothing where this panel did not give it."""
         key, *numbers = mark.split(":")
-        if key != self._key or len(numbers) != len(self._versions):
+        if key != self._key:
             return {}
-        return {name: int(n) for name, n in zip(self._versions, numbers, strict=True)}
+        try:
+            return {name: int(n) for name, n in zip(self._versions, numbers, strict=True)}
+        except ValueError:  # others than there are, or no numbers
+            return {}
 
     def _put(self, name: str, data: dict[str, Any]) -> None:
         text = json.dumps(data, allow_nan=False)

@@ -57,6 +57,14 @@ def test_a_bench_that_was_served_for_long_changes_no_time_of_a_run(tmp_path: Pat
     assert rest_s is not None and 400 < rest_s <= 480
 
 
+@pytest.mark.parametrize("numbers", ["a:b:c:d", "1:2", "1:2:3:4:5", f"1:2:3:{'9' * 5000}", ""])
+def test_a_mark_that_no_panel_gave_is_as_good_as_none(numbers: str, tmp_path: Path) -> None:
+    watch = RunWatch(run_of_a_minute_ago(tmp_path))
+    key, _, _ = watch.mark({}).partition(":")
+    assert watch.seen_at(f"{key}:{numbers}") == {}
+    assert watch.seen_at(f"{key}:1:2:3:4") == {"state": 1, "live": 2, "plots": 3, "unreadable": 4}
+
+
 def test_nothing_is_left_of_a_run_that_is_gone(tmp_path: Path) -> None:
     state = json.loads(dict(RunWatch(run_of_a_minute_ago(tmp_path)).news({}))["state"])
     assert (state["state"], state["left_s"], state["ends"]) == ("interrupted", None, None)
