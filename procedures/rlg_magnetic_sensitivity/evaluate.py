@@ -59,7 +59,7 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     findings = to_findings(analysis, dataset, inputs, tested)
     absent = [undetermined(QUANTITY, axis, UNIT, METHOD) for axis in missing]
     flags = [
-        Flag("not-identifiable", f"{axis} was not measured to its end: the run ended before.", axis)
+        Flag("not-identifiable", f"{axis} was not measured to its end.", axis)
         if not folder.left_out
         else Flag("not-identifiable", f"{axis} has no record that is whole.", axis)
         for axis in missing

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from station.clock import Clock, utc_now
 from station.console import tell
 from station.errors import DamagedRecord, MissingRows, RecordError
+from station.files.locks import is_held
 from station.record.events import Event, EventLog, guardian_events, read_events
 from station.record.files import json_text, write_whole_file
 from station.record.later import seal
 from station.record.layout import (
     EVENTS,
+    LOCK,
     RAW,
     RUN,
     Presence,
@@ -184,6 +186,7 @@ class RunFolder:
         if not (path / EVENTS).is_file():
             raise RecordError(f"{path} is no run folder: it holds no {EVENTS}")
         self.path = path
+        self._held = is_held(path / LOCK)  # first: a run that ends meanwhile has logged that
         self._segment = segment
         self.events: tuple[Event, ...] = tuple(read_events(path / EVENTS))
         self._rows: dict[tuple[str, str], NDArray[Any]] = {}
@@ -203,6 +206,11 @@ class RunFolder:
     def state(self) -> RunState:
         """What the run did, and how it left its bench, by its log and its guardian's."""
         return RunState(self.events, guardian_events(self.path))
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the run's process was at its steps still when the log was read."""
+        return self.state.state(held=self._held) in ("running", "paused")
 
     def finished_units(self) -> dict[str, dict[str, Any]]:
         """Return the details of each finished unit of work, in the order they were finished.

@@ -50,9 +50,11 @@ def left_unverified(folder: RunFolder, bench: Bench) -> Mapping[str, str]:
     """Return the instruments whose safe state was not verified, and what is known of each.
 
     A run that was killed left no word of its safe state. Where its guardian did not act in its
-    place, it is all those of the bench's list.
+    place, it is all those of the bench's list. One that goes on has left nothing yet.
     """
     outcomes = folder.state.safe_state()
+    if folder.goes_on:
+        return {}
     if outcomes is None:
         listed = {name for name, _ in bench.safe_order()}
         return {

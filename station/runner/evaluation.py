@@ -78,7 +78,7 @@ def evaluate_run(
             findings,
             plan.limits_by_axis(),
             plan.decision_rule,
-            bench_safe=not left_unverified(folder, bench),
+            bench_safe=not (folder.goes_on or left_unverified(folder, bench)),
             data_whole=not damage.parts and not missing,
             calibrated=all(flag.code not in NOT_STATED for flag in of_records),
             measured=procedure.measured_axes(plan.parameters),
@@ -115,6 +115,14 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     if bench.simulation is not None:
         flags.append(
             Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
+        )
+    if folder.goes_on:
+        flags.append(
+            Flag(
+                "run-goes-on",
+                "The run went on when this was made of what was measured by then, and the bench "
+                "was not made safe yet; run `station analyse` again once the run has ended.",
+            )
         )
     flags.extend(flags_of_gaps(folder))
     flags.extend(flags_of_guardians(folder))

@@ -6,6 +6,7 @@ import base64
 import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -277,6 +278,33 @@ def test_an_analysis_while_the_run_goes_on_leaves_the_log_alone_and_is_recorded_
     assert (state.changed, state.recorded) == ((), True)
     shutil.rmtree(revision)
     assert "001 is missing" in " ".join(verify(run).changed)
+
+
+def test_an_analysis_while_the_run_goes_on_says_so_and_not_that_the_run_ended(
+    two_axes_run: Path, tmp_path: Path
+) -> None:
+    run = Path(shutil.copytree(two_axes_run, tmp_path / "run"))
+    for file in (MANIFEST, "results.json", "report.html"):
+        (run / file).unlink()
+    shutil.rmtree(run / "revisions")
+    units = [
+        n for n, event in enumerate(read_events(run / EVENTS)) if event.kind == "unit-finished"
+    ]
+    _, first_axis, _ = units
+    lines = (run / EVENTS).read_bytes().splitlines(keepends=True)
+    (run / EVENTS).write_bytes(b"".join(lines[: first_axis + 1]))
+    lock = FileLock(run / LOCK)
+    try:
+        document = analyse_run(run, None, compare=False)
+    finally:
+        lock.release()
+    flags = {flag.code: flag.message for flag in document.flags}
+    assert (document.verdict, "run-goes-on" in flags) == ("inconclusive", True)
+    assert "safe-state-unverified" not in flags
+    report = (run / "revisions" / "001" / "report.html").read_text(encoding="utf-8")
+    assert not re.search("ended (before|without)|cannot pass", report + " ".join(flags.values()))
+    document = analyse_run(run, None, compare=False)  # its process is gone now
+    assert "safe-state-unverified" in {flag.code for flag in document.flags}
 
 
 def test_an_analysis_cut_off_before_the_manifest_was_renewed_is_no_damage(run: Path) -> None:
