@@ -6,21 +6,22 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from station.console import tell
 from station.record.comparison import Comparison, Difference, ResultPair, compare
-from station.record.verification import quick_look
+from station.record.layout import BENCH, PLAN, RUN
+from station.record.verification import refuse_unproven
 from station.report.numbers import format_number, format_with_uncertainty
 
 ALIKE = "alike in both"
 
 
 def compare_runs(first: Path, second: Path, *, as_json: bool) -> None:
-    """Print where two runs differ, and their results in units of their uncertainties."""
-    comparison = compare(first, second)
+    """Print where two runs differ, and their results in units of their uncertainties.
+
+    Raises DamagedRecord where what is compared cannot be shown as what the run left.
+    """
     for folder in (first, second):
-        state = quick_look(folder)
-        if state.state != "unchanged":
-            tell(f"WARNING: {folder}: {state.sentence()}")
+        refuse_unproven(folder, PLAN, BENCH, RUN)
+    comparison = compare(first, second)
     if as_json:
         print(json.dumps(comparison.to_data(), indent=1, ensure_ascii=False))
     else:

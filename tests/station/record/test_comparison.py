@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from station.cli.comparing import lines
-from station.errors import InputError
+from station.cli.comparing import compare_runs, lines
+from station.errors import DamagedRecord, InputError
 from station.record.comparison import compare
 
 
@@ -49,3 +49,19 @@ def test_a_run_without_results_is_refused_by_name(pair: tuple[Path, Path]) -> No
         compare(*pair)
     with pytest.raises(InputError, match="no run folder"):
         compare(pair[0], pair[1] / "raw")
+
+
+@pytest.mark.parametrize(
+    "file", ["results.json", "plan.resolved.yaml", "bench.resolved.yaml", "run.json"]
+)
+def test_nothing_that_was_altered_is_compared(
+    file: str, run_of: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = run_of("rlg-magnetic-sensitivity")
+    compare_runs(first, first, as_json=False)
+    assert "alike in both" in capsys.readouterr().out
+    second = Path(shutil.copytree(first, tmp_path / "other"))
+    (second / file).write_text((second / file).read_text(encoding="utf-8") + " ", encoding="utf-8")
+    with pytest.raises(DamagedRecord, match="station verify"):
+        compare_runs(first, second, as_json=False)
+    assert not capsys.readouterr().out
