@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from station.cli.analysing import name_unused
 from station.console import tell
 from station.errors import InputError
-from station.record.files import write_whole_file
+from station.record.files import A_COPY, replaced
 from station.record.folder import EXPORTS, REPORT, RunFolder
 from station.record.recorded import read_run
 from station.runner.evaluation import evaluate_run
@@ -54,8 +54,8 @@ def remake_report(
     )
     content = content or report(folder, format, paper, letterhead, texts)
     name_unused(folder)
-    file.parent.mkdir(exist_ok=True)
-    write_whole_file(file, content)
+    with replaced(file, A_COPY, parents=True) as part:
+        part.write_bytes(content)
     print(file)
 
 

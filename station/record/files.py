@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -12,6 +13,8 @@ from typing import Any
 from station.errors import RecordError
 
 ANOTHER_DISK = "choose another one with --output"
+A_COPY = "take a copy of the run folder elsewhere"
+READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 class AppendOnlyFile:
@@ -89,11 +92,11 @@ def replaced(path: Path, otherwise: str = ANOTHER_DISK, *, parents: bool = False
             sync_data(file.fileno())
         part.replace(path)
         sync_folder(path.parent)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise not_written(path, error, otherwise) from error
-    except BaseException:
-        part.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):  # a disk that takes no writes takes no removal either
+            part.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise not_written(path, error, otherwise) from error
         raise
 
 
@@ -117,7 +120,8 @@ def sync_folder(folder: Path) -> None:
 def not_written(path: Path, error: OSError, otherwise: str = ANOTHER_DISK) -> RecordError:
     """Return the error of a file that could not be written, for the operator."""
     why = f"cannot write {path}: {error.strerror or error}"
-    return RecordError(f"{why}; make room on the disk, or {otherwise}")
+    mend = "make its folder writable" if error.errno in READ_ONLY else "make room on the disk"
+    return RecordError(f"{why}; {mend}, or {otherwise}")
 
 
 def json_text(data: Mapping[str, Any]) -> str:

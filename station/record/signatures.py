@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 from station.errors import InputError, RecordError
 from station.files.locks import is_held
 from station.record.events import RECORDED_LATER, RESUMED, SIGNED, Event, recorded_in_words
-from station.record.files import is_own_file, write_whole_file
+from station.record.files import A_COPY, is_own_file, not_written, write_whole_file
 from station.record.later import record_later
 from station.record.layout import EVENTS, LOCK, MANIFEST, SIGNATURES, covered_files, manifest_text
 
@@ -161,7 +161,10 @@ def sign(folder: Path, key_path: Path, signer: str, time: datetime) -> Signature
     key = _private_key(key_path)
     public = key.public_key().public_bytes_raw()
     place = folder / SIGNATURES
-    place.mkdir(exist_ok=True)
+    try:
+        place.mkdir(exist_ok=True)
+    except OSError as error:
+        raise not_written(place, error, A_COPY) from error
     numbers = (int(path.stem) for path in place.iterdir() if path.stem.isdecimal())
     file = place / f"{max(numbers, default=-1) + 1:03}.json"
     stated = {"signer": signer, "time": time.isoformat(timespec="seconds")}

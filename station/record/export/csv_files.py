@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.record.export.reading import Recording, blocks_of, exported_file, sources
+from station.record.files import A_COPY, not_written
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +25,10 @@ def export_csv(folder: RunFolder, place: Path) -> None:
     The name of a unit that was not measured to its end says `.unfinished`. Raises RecordError
     when a file cannot be written.
     """
-    place.mkdir(parents=True, exist_ok=True)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(place, error, A_COPY) from error
     for source in sources(folder):
         written: list[Path] = []
         with ExitStack() as open_files:

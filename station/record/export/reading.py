@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from station.record.files import replaced
+from station.record.files import A_COPY, replaced
 from station.record.raw import ARRIVAL, read_blocks
 from station.record.raw_damage import raw_files, segment_of, source_of
 
@@ -183,4 +183,4 @@ def texts_of(folder: RunFolder) -> dict[str, str]:
 
 def exported_file(path: Path) -> AbstractContextManager[Path]:
     """Return the context of a file that appears whole; raises RecordError (`replaced`)."""
-    return replaced(path, "export a copy of the run folder elsewhere", parents=True)
+    return replaced(path, A_COPY, parents=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,8 +22,15 @@ from campaign_helpers import (
 from campaigns.kills import written_bytes
 from command_line import station_command
 from limited_files import limited
+from small_disk import read_only
 
+from station.cli.analysing import analyse_run, export_run
+from station.cli.reporting import remake_report
+from station.clock import utc_now
+from station.errors import RecordError
 from station.record.folder import RunFolder
+from station.record.signatures import new_key, sign
+from station.record.verification import verify
 
 if sys.platform == "win32":
     pytest.skip("there is no file-size limit to set", allow_module_level=True)
@@ -197,3 +205,28 @@ def test_a_disk_that_somebody_else_fills_is_the_same(plan: Path, small_disk: Pat
     folder = only_run(small_disk / "runs")
     assert folder is not None
     assert RunFolder(folder).run_facts()["clock"] == "VirtualClock"
+
+
+def test_a_run_folder_that_takes_no_writes_is_said_to_be_so(
+    one_axis_run: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(one_axis_run, tmp_path / one_axis_run.name))
+    new_key(tmp_path / "lab.pem")
+
+    def signs() -> None:
+        sign(copy, tmp_path / "lab.pem", "A", utc_now())
+
+    with read_only(copy):
+        for write in (
+            lambda: remake_report(copy, "html", "report"),
+            lambda: export_run(copy, "csv"),
+            lambda: export_run(copy, "hdf5"),
+            signs,
+        ):
+            with pytest.raises(
+                RecordError, match="Read-only file system; make its folder writable, or take a copy"
+            ):
+                write()
+        with pytest.raises(RecordError, match=r"Read-only file system; .* with --output"):
+            analyse_run(copy, None, compare=False)
+        assert not verify(copy).changed
