@@ -28,6 +28,16 @@ class InputError(StationError):
     exit_code = EXIT_WRONG_INPUT
 
 
+class NotPermitted(InputError):
+    """A file or folder that this user may not open: nothing is known of what it holds."""
+
+    def __init__(self, path: Path | str) -> None:
+        super().__init__(
+            f"{path} cannot be read by this user: permission denied; run the command as the user "
+            "whose it is, or let this one read it"
+        )
+
+
 class UnansweredPrompt(InputError):
     """A prompt that needs a person while no operator can be asked."""
 

@@ -30,7 +30,14 @@ def main() -> None:
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
     from station.cli.app import app
     from station.console import tell
-    from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_WRONG_INPUT, StationError, reason_of
+    from station.errors import (
+        EXIT_ABORTED,
+        EXIT_FAULT,
+        EXIT_WRONG_INPUT,
+        NotPermitted,
+        StationError,
+        reason_of,
+    )
     from station.packages import clashes, why_broken
 
     try:
@@ -57,6 +64,10 @@ def main() -> None:
         if is_lack_of_memory(error):
             tell(NO_MEMORY)
             _exit(NO_MEMORY, EXIT_FAULT)
+        if isinstance(error, PermissionError) and error.filename is not None:
+            refused = NotPermitted(error.filename)
+            tell(str(refused))
+            _exit(str(refused), refused.exit_code)
         message = f"a fault of the program: {reason_of(error)}"
         tell(f"{message}; set {SHOW_TRACEBACK}=1 and run again to see where")
         _exit(message, EXIT_FAULT)

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from station.clock import RealClock
-from station.errors import InputError, StationError
+from station.errors import InputError, NotPermitted, StationError
 
 TRIES = 20
 BETWEEN_TRIES_S = 0.01
@@ -155,6 +155,8 @@ def is_held(path: Path) -> bool:
                 f"{path} is a link: no run makes one; look who put it there"
             ) from error
         if not os.access(path, os.W_OK):
+            if isinstance(error, PermissionError):
+                raise NotPermitted(path) from error
             raise
         return _is_taken(path, os.O_RDWR)
 

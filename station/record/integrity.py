@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,7 +21,7 @@ from itertools import chain, repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from station.errors import DamagedRecord
+from station.errors import DamagedRecord, NotPermitted
 from station.files.locks import is_held
 from station.findings import Flag
 from station.record.events import (
@@ -233,9 +234,10 @@ def state_of(folder: OpenedRecord, *, whole: bool) -> FolderState:
     """Return what state a run folder is in; for the whole of it each file is read once.
 
     Nothing is raised for damage: an altered log alone, without which nothing can be said, is found
-    when the folder is opened.
+    when the folder is opened. Raises NotPermitted where this user may not read a part of it.
     """
     path = folder.path
+    refuse_unreadable(path)
     depth = WHOLE if whole else QUICK
     going_on = is_held(path / LOCK)
     lines = (path / EVENTS).read_bytes().split(b"\n")[:-1]
@@ -307,6 +309,19 @@ def state_of(folder: OpenedRecord, *, whole: bool) -> FolderState:
         heads=heads,
         signatures=signatures,
     )
+
+
+def refuse_unreadable(path: Path) -> None:
+    """Raise NotPermitted where this user may not read a part of a run folder."""
+
+    def refuse(error: OSError) -> None:
+        if isinstance(error, PermissionError):
+            raise NotPermitted(str(error.filename)) from error
+
+    for folder, _, files in os.walk(path, onerror=refuse):
+        for file in (Path(folder, name) for name in files):
+            if not (os.access(file, os.R_OK) or file.is_symlink()):
+                raise NotPermitted(file)
 
 
 def _makes_results(name: str, inputs: Mapping[str, str]) -> bool:

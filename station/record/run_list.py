@@ -42,8 +42,8 @@ def entry_of(folder: Path) -> dict[str, Any]:
         state = "running" if running else "evaluated" if verdict else "ended without results"
         if looked.state == "altered" or (verdict and looked.unproven):
             verdict, state = None, looked.sentence()
-    except (OSError, InputError):
-        running, verdict, state = False, None, "its lock cannot be read"
+    except (OSError, InputError) as error:
+        running, verdict, state = False, None, str(error)
     return {
         "run": folder.name,
         "procedure": words(begun.get("procedure")),

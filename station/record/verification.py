@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from station.errors import DamagedRecord, InputError, StationError
+from station.errors import DamagedRecord, InputError, NotPermitted, StationError
 from station.files.locks import is_held
 from station.record.files import is_own_file
 from station.record.folder import RESULTS, RunFolder
@@ -27,7 +27,7 @@ def verify(folder: Path, *, whole: bool = True) -> FolderState:
     """Return what state a run folder is in, to its last byte or by a quick look.
 
     `exports/` and the lock are left out: they are no evidence. Raises InputError for what is no run
-    folder, and for the whole of a run that is going on.
+    folder, for the whole of a run that is going on, and where this user may not read it.
     """
     if not is_own_file(folder / EVENTS) and not is_own_file(folder / MANIFEST):
         raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
@@ -35,6 +35,10 @@ def verify(folder: Path, *, whole: bool = True) -> FolderState:
         raise InputError(f"{folder} is being run; verify it once it has ended")
     try:
         return state_of(RunFolder(folder), whole=whole)
+    except NotPermitted:
+        raise
+    except PermissionError as error:
+        raise NotPermitted(error.filename or folder) from error
     except (StationError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         why = str(error) if isinstance(error, StationError) else f"{folder}: {error}"
         return FolderState(folder, WHOLE if whole else QUICK, altered=(why,))

@@ -1,8 +1,7 @@
 "use strict";
 const REFRESH_MS = 2000;
 const STATES = {free: t("free"), "in use": t("in use"), tripped: t("tripped"), broken: t("broken"),
-                running: t("running"), evaluated: t("evaluated"), "ended without results": t("ended without results"),
-                "its lock cannot be read": t("its lock cannot be read")};
+                running: t("running"), evaluated: t("evaluated"), "ended without results": t("ended without results")};
 const VERDICTS = {pass: t("pass"), fail: t("fail"), inconclusive: t("inconclusive"), none: t("none")};
 const ROLES = {operator: t("operator"), engineer: t("engineer")};
 

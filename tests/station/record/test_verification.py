@@ -10,12 +10,14 @@ import re
 import resource
 import shutil
 import signal
-from collections.abc import Callable
-from contextlib import closing
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
-from command_line import begun, station
+from command_line import begun, station, station_command
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
     BestAvailableEncryption,
@@ -29,11 +31,18 @@ from quick_yaml import dump_yaml, load_yaml
 from terminal import OnTerminal
 
 from station.cli.analysing import analyse_run
+from station.cli.comparing import compare_runs
 from station.cli.looking import print_status
 from station.cli.verifying import sign_run, verify_runs
 from station.clock import RealClock, utc_now
 from station.control.status import read_status
-from station.errors import EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError, RecordError
+from station.errors import (
+    EXIT_OUTSIDE_LIMIT,
+    EXIT_UNDETERMINED,
+    InputError,
+    NotPermitted,
+    RecordError,
+)
 from station.files.locks import FileLock
 from station.history.store import History
 from station.history.summary import summary_of
@@ -55,6 +64,7 @@ from station.record.verification import verify
 from station.runner.evaluation import evaluate_run, write_revision
 
 BITS_EACH = 4
+NOBODY = 65534
 
 
 @pytest.fixture
@@ -378,6 +388,59 @@ def test_of_several_folders_one_that_cannot_be_verified_hides_no_other(
         assert [entry["state"] for entry in runs] == ["altered", "not-verified", "not-verified"]
     finally:
         lock.release()
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """Go on without root's rights, where this is root."""
+    if os.getuid() != 0:
+        yield
+        return
+    os.setresuid(NOBODY, NOBODY, 0)
+    try:
+        yield
+    finally:
+        os.setresuid(0, 0, 0)
+
+
+WITHOUT_RIGHTS = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search"]
+UNREADABLE = (
+    "run.lock",
+    "results.json",
+    "raw",
+    EVENTS,
+    MANIFEST,
+    "plan.resolved.yaml",
+    "revisions",
+)
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_what_this_user_may_not_read_is_said_to_be_that_and_no_more(
+    one_axis_run: Path, name: str
+) -> None:
+    with TemporaryDirectory() as place:
+        run = Path(shutil.copytree(one_axis_run, Path(place) / one_axis_run.name))
+        Path(place).chmod(0o755)
+        (run / name).chmod(0)
+        sentence = f"{name} cannot be read by this user: permission denied"
+        with as_nobody():
+            for whole in (True, False):
+                with pytest.raises(NotPermitted, match=sentence):
+                    verify(run, whole=whole)
+            with pytest.raises(NotPermitted, match=sentence):
+                compare_runs(run, run, as_json=False)
+            assert sentence in entry_of(run)["state"]
+        command = [*WITHOUT_RIGHTS, *station_command("analyse", run)]
+        done = subprocess.run(
+            command if os.geteuid() == 0 else command[len(WITHOUT_RIGHTS) :],
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            check=False,
+        )
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+        assert sentence in done.stderr
 
 
 @pytest.fixture
