@@ -282,17 +282,17 @@ class Viewer:
     def watch(self) -> bool:
         """Show the run until it ends; whether the operator left before."""
         caught_up = list(self._log.new_events())
-        for event in caught_up:
-            self._note(event)
-        # The last of them may be long past.
-        written_s = (self._folder / EVENTS).stat().st_mtime
-        self._looked_s -= max(utc_now().timestamp() - written_s, 0.0)
+        planned = RunState(caught_up[:1]).planned
         times = LogTimes(self._folder)
-        total_s = sum(self._expected_s().values())
-        units = self._run.planned.get("units_expected", {})
+        total_s = sum(float(step["expected_s"]) for step in planned.get("steps", ()))
+        units = planned.get("units_expected", {})
         with Progress(total_s, units=units, folder=self._folder) as progress:
             for event in caught_up:
+                self._note(event)
                 self._show(event, progress, times.of(event))
+            # The last of them may be long past.
+            written_s = (self._folder / EVENTS).stat().st_mtime
+            self._looked_s -= max(utc_now().timestamp() - written_s, 0.0)
             while True:
                 alive = is_held(self._folder / LOCK)
                 for event in self._log.new_events():
@@ -308,7 +308,7 @@ class Viewer:
                 elif self._wants_to_leave():
                     return True
                 now_s = self._run.last_s + (boot_seconds() - self._looked_s) * self._run.speed
-                progress.at(now_s - self._step_began_s())
+                progress.at(self._elapsed_s(now_s))
 
     def _note(self, event: LogEvent) -> None:
         """Keep what an event says of the run and its prompts."""
@@ -319,9 +319,11 @@ class Viewer:
         steps = self._run.planned.get("steps", ())
         return {step["step"]: float(step["expected_s"]) for step in steps}
 
-    def _step_began_s(self) -> float:
+    def _elapsed_s(self, now_s: float) -> float:
+        """Return the time of work on the present step, in s."""
         process = self._run.process
-        return process.step_began_s.get(process.step or "", 0.0)
+        began_s = process.step_began_s.get(process.step or "", now_s)
+        return now_s - began_s - process.paused_s(began_s, now_s)
 
     def _show(self, event: LogEvent, progress: Progress, when: str = "") -> None:
         """Show an event as the run's own terminal would; `when` it happened, if not just now."""
@@ -330,9 +332,11 @@ class Viewer:
             case "step-started":
                 number = details["step"]
                 progress.step(number, details["title"], self._expected_s().get(number, 0.0), when)
+            case "step-finished":
+                progress.at(self._elapsed_s(event.time_s), when=when)
             case "unit-finished":
                 progress.unit_finished(details["unit"])
-                progress.at(event.time_s - self._step_began_s(), details["unit"], when)
+                progress.at(self._elapsed_s(event.time_s), details["unit"], when)
             case "prompt-shown" if not sys.stdin.isatty():
                 progress.say(in_words(event), when)
             case "failed" | "paused" | "went-on" | "safe-state" | "pause-refused":

@@ -190,7 +190,10 @@ class RunState:
             process.recorded_later.append(event)
         else:
             self._own = self._count
-            self._last_own = event if kind != RUN_STARTED else None
+            if kind == RUN_STARTED:
+                self._last_own = None
+            elif "noted_s" not in details:  # what a driver notes of its line tells a person nothing
+                self._last_own = event
 
     def guardian_logged(self, events: Iterable[Event]) -> None:
         """Take the events of the guardian's log; `after_events` of each says where it belongs."""

@@ -183,6 +183,32 @@ def test_attach_gives_each_past_step_the_time_at_which_it_began(tmp_path: Path) 
         assert times[number].endswith(f"{moment:%H:%M:%S}"), shown
 
 
+def test_attach_to_a_run_that_was_paused_says_how_much_of_its_work_is_done(tmp_path: Path) -> None:
+    (tmp_path / RUN).write_text("{}", encoding="utf-8")
+    log, lock = EventLog(tmp_path / EVENTS), FileLock(tmp_path / LOCK)
+    steps = [{"step": number, "title": "T", "expected_s": 100.0} for number in ("S1", "S2")]
+    for time_s, kind, details in (
+        (500.0, "run-started", {"speed": 1.0, "steps": steps, "units_expected": {"a": 1, "b": 1}}),
+        (500.0, "step-started", {"step": "S1", "title": "T"}),
+        (600.0, "unit-finished", {"unit": "a"}),
+        (600.0, "paused", {"devices": {}}),
+        (4200.0, "went-on", {}),
+        (4200.0, "step-finished", {"step": "S1"}),
+        (4200.0, "step-started", {"step": "S2", "title": "T"}),
+        (4250.0, "unit-finished", {"unit": "b"}),
+    ):
+        log.append(time_s, kind, details, durable=False)
+    log.close()
+    process = begun(tmp_path, "attach", tmp_path)
+    assert process.stderr is not None
+    shown: list[str] = []
+    while not any(line.endswith("  b\n") for line in shown):
+        shown.append(process.stderr.readline())
+    lock.release()
+    process.communicate(timeout=WITHIN_S)
+    assert re.findall(r"(\S+) %  bench time left", "".join(shown)) == ["50", "75"]
+
+
 def test_on_virtual_time_the_bench_time_of_a_step_is_given(tmp_path: Path) -> None:
     times = LogTimes(tmp_path)
     assert times.of(LogEvent(50.0, "run-started", {"speed": None})) == "+ 0 s"

@@ -44,6 +44,12 @@ def test_a_long_pause_between_two_units_does_not_slow_the_pace() -> None:
     assert run.remaining_s(60.0 * 60 + 40.0) == pytest.approx(40.0)
 
 
+def test_what_a_driver_notes_of_its_line_is_no_message_to_a_person() -> None:
+    begun = log((0.0, "run-started", PLANNED), (1.0, "step-started", {**STEP, "title": "Record"}))
+    note = {"instrument": "interlock_chain", "noted_s": 1.5, "took_s": 0.2}
+    assert RunState([*begun, *log((2.0, "answer-time", note))]).message() == "S4 began: Record"
+
+
 def test_what_a_resumed_run_left_unfinished_is_of_the_process_before() -> None:
     before = log(
         (0.0, "run-started", PLANNED),
