@@ -136,6 +136,7 @@ Words = Annotated[str, Field(min_length=1)]
 LONGEST = "30 d"
 """A plan that takes more bench time is refused; what lasts longer is several plans."""
 LONGEST_S = parse_as(LONGEST, "s")
+LONGEST_SERIAL = 100
 NOT_IN_FILE_NAMES = '/\\:*?"<>|'
 
 
@@ -156,6 +157,10 @@ class Dut(StrictModel):
         wrong = [char for char in serial if char in NOT_IN_FILE_NAMES or not char.isprintable()]
         if wrong:
             raise ValueError(f"names the run folder and may not hold {wrong[0]!r}")
+        if len(serial) > LONGEST_SERIAL:
+            raise ValueError(
+                f"names the run folder and has {len(serial)} characters; {LONGEST_SERIAL} at most"
+            )
         return serial
 
 

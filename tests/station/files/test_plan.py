@@ -168,6 +168,12 @@ def test_a_serial_number_that_cannot_name_a_folder_is_refused(serial: str) -> No
     assert "may not hold" in faults_of(GOOD.replace("SN-0042", f"'{serial}'"))[0]
 
 
+def test_a_serial_number_that_is_too_long_for_a_folder_is_refused() -> None:
+    assert plan_from(GOOD.replace("SN-0042", "A" * 100)).dut.serial == "A" * 100
+    (fault,) = faults_of(GOOD.replace("SN-0042", "A" * 101))
+    assert "dut.serial: names the run folder and has 101 characters; 100 at most" in fault
+
+
 def test_a_fault_found_later_is_placed_in_the_plan() -> None:
     fault = plan_from(GOOD).fault(("parameters", "amplitude"), "is too much for the bench")
     assert str(fault) == "plan.yaml:6:44: parameters.amplitude: is too much for the bench"
