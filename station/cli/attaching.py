@@ -27,7 +27,7 @@ from station.control.signals import WISHES
 from station.control.status import read_state, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
 from station.files.locks import is_held
-from station.method.prompts import Asking, Prompt
+from station.method.prompts import ABORT, Asking, Prompt
 from station.record.careful_reading import read_json
 from station.record.events import RESUMED, RUN_STARTED, in_words, whole_bench
 from station.record.events import Event as LogEvent
@@ -363,7 +363,8 @@ class Viewer:
                 self._leaves = True
                 return
             known, answer = asking.understands(line), asking.take(line)
-            if answer is not None and self._sent(prompt_id, answer):
+            text = line.strip() if answer == ABORT else answer  # its own words are logged
+            if text is not None and self._sent(prompt_id, text):
                 self._taken.add(details["number"])
                 return
             tell(asking.question if known else f"   {line!r} is no answer here: ", end="")

@@ -9,7 +9,7 @@ from station.clock import Clock, boot_seconds
 from station.console import span
 from station.control.channel import Incoming
 from station.errors import Aborted
-from station.method.prompts import Prompt
+from station.method.prompts import ABORT, Prompt, ended_at
 
 LOOKS_EVERY_S = 0.1
 """Real time between two looks of a run that waits for a person."""
@@ -43,11 +43,13 @@ class Desk:
         self._wakes = Event()
         self._asked: Prompt | None = None
         self._answer: str | None = None
+        self._typed = ""
 
     def ask(self, prompt: Prompt) -> str:
-        """Wait for the answer to a prompt: `done`, `abort` or the value that is asked for.
+        """Wait for the answer to a prompt: `done`, or the value that is asked for.
 
-        Raises Aborted where nobody answers in time, and what ends the run meanwhile.
+        Raises Aborted where the answer ends the run, or none comes in time, and what ends the run
+        meanwhile.
         """
         until_s = boot_seconds() + self._within_s
         with self._lock:
@@ -67,6 +69,8 @@ class Desk:
                 f"no answer came to the prompt {prompt.id} of this detached run within "
                 f"{span(self._within_s)}"
             )
+        if answer == ABORT:
+            raise ended_at(prompt.id, self._typed)
         return answer
 
     def take(self, incoming: Incoming) -> None:
@@ -80,6 +84,6 @@ class Desk:
             elif (answer := asked.meaning(text)) is None:
                 incoming.answer(outcome="no-answer", said=asked.hint)
             else:
-                self._answer = answer
+                self._answer, self._typed = answer, text
                 incoming.answer(outcome="taken", said=answer)
         self._wakes.set()

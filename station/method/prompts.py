@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
+from station.errors import Aborted
 from station.units import UnitError, format_quantity, parse_as
 
 DONE, ABORT = "done", "abort"
@@ -20,6 +21,12 @@ def meaning(text: str) -> str | None:
         return DONE
     # In doubt towards the end: `abort!` is meant.
     return ABORT if word.rstrip("!.") in END else None
+
+
+def ended_at(prompt_id: str, answer: str) -> Aborted:
+    """Return the error of a run that an answer ended, as it was typed; empty: the input ended."""
+    what = f"the answer `{answer.strip()}`" if answer else "the end of the input"
+    return Aborted(f"{what} ended the run at the prompt {prompt_id}")
 
 
 @dataclass(frozen=True)

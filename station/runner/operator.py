@@ -12,7 +12,7 @@ from station.console import tell
 from station.control.answers import Desk
 from station.control.signals import wishes_end_a_prompt
 from station.errors import Aborted, InputError, UnansweredPrompt
-from station.method.prompts import ABORT, DONE, Asking, Prompt, meaning
+from station.method.prompts import ABORT, DONE, Asking, Prompt, ended_at, meaning
 
 HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; nothing else waits"
 READS_WITHIN_S = 0.5
@@ -130,15 +130,11 @@ class Operator:
         if not self._interactive:
             self.check([prompt])
         if self._desk is not None:
-            answer = self._desk.ask(prompt)
-        else:
-            with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock, prompt.id):
-                tell("\n" + "\n".join(prompt.lines))
-                discard_typed()
-                answer = typed(prompt)
-        if answer == ABORT:
-            raise Aborted(f"the answer `{ABORT}` ended the run at the prompt {prompt.id}")
-        return answer
+            return self._desk.ask(prompt)
+        with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock, prompt.id):
+            tell("\n" + "\n".join(prompt.lines))
+            discard_typed()
+            return typed(prompt)
 
     def would_wait(self, prompt: Prompt) -> bool:
         """Whether a person would have to be waited for: neither file nor world answers it."""
@@ -175,13 +171,18 @@ class Operator:
 
 
 def typed(prompt: Prompt, question: str = "") -> str:
-    """Return the answer that a person types; anything else is asked again."""
+    """Return the answer that a person types; anything else is asked again.
+
+    Raises Aborted where that is to end the run.
+    """
     asking = Asking(prompt)
     while True:
         tell(question or asking.question, end="")
         line = sys.stdin.readline()
         known = asking.understands(line)
         answer = asking.take(line) if line else ABORT  # the terminal is gone
+        if answer == ABORT:
+            raise ended_at(prompt.id, line)
         if answer is not None:
             return answer
         if not known:

@@ -235,14 +235,21 @@ def test_a_prompt_that_nobody_answers_ends_the_run() -> None:
 
 def test_an_answer_counts_once_and_for_the_prompt_that_waits() -> None:
     desk, said = Desk(RealClock(), within_s=30.0), list[str]()
-    waiting = Thread(target=lambda: said.append(desk.ask(MOUNT)))
+
+    def ask() -> None:
+        try:
+            desk.ask(MOUNT)
+        except Aborted as ended:
+            said.append(str(ended))
+
+    waiting = Thread(target=ask)
     waiting.start()
     while asked(desk, "mount", "maybe") != "no-answer":
         time.sleep(0.01)
     assert asked(desk, "connect-cables", "yes") == "refused"
     assert asked(desk, "mount", "n") == "taken"
     waiting.join(WITHIN_S)
-    assert said == ["abort"]
+    assert said == ["the answer `n` ended the run at the prompt mount"]
     assert asked(desk, "mount", "yes") == "refused"
 
 

@@ -23,8 +23,8 @@ from station.safety.acknowledgement import user_name
 OWN, SAME = "a process of its own", "the command's process"
 USER = f"(user {user_name()})"
 ENDINGS = {
-    "n": "the answer `abort` ended the run at the prompt mount",
-    "q": "the answer `abort` ended the run at the prompt mount",
+    "n": "the answer `n` ended the run at the prompt mount",
+    "q": "the answer `q` ended the run at the prompt mount",
     "Ctrl-C": "the run was ended by Ctrl-C",
     "SIGTERM": "the run was ended by a request of the system to end (SIGTERM)",
     "abort": f"the run was ended by `station abort` {USER}",

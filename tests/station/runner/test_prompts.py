@@ -58,7 +58,7 @@ def test_anything_else_is_asked_again(typed: str, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("typed", ["no", "n", "q", "quit", "abort!", "No."])
 def test_a_no_ends_the_run(typed: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO(f"{typed}\n\n"))
-    with pytest.raises(Aborted, match="ended the run at the prompt mount"):
+    with pytest.raises(Aborted, match=f"the answer `{typed}` ended the run at the prompt mount"):
         operator().ask(MOUNT)
 
 
