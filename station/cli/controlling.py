@@ -16,6 +16,7 @@ from station.control.client import NoAnswer, ask
 from station.control.requests import ABORT_VERB
 from station.control.status import message_of, read_state, read_status
 from station.errors import (
+    EXIT_ABORTED,
     EXIT_DONE,
     EXIT_FAULT,
     EXIT_WRONG_INPUT,
@@ -42,7 +43,12 @@ LINGERS = (
     "by hand when the disk answers again"
 )
 Result = TypeVar("Result")
-EXITS = {"paused": EXIT_DONE, "refused": EXIT_FAULT, "ended": EXIT_WRONG_INPUT}
+EXITS = {
+    "paused": EXIT_DONE,
+    "refused": EXIT_FAULT,
+    "ended": EXIT_WRONG_INPUT,
+    "withdrawn": EXIT_ABORTED,
+}
 
 
 class Waiting:

@@ -85,6 +85,7 @@ LONGEST_CAUSE = 200
 ABORT_VERB = "`station abort`"
 ENDS_FIRST = "the run ends first"
 NO_UNIT_FOLLOWS = "no pause comes: the run is in its last unit of work, or past it, and ends first"
+TAKEN_BACK = "somebody let the run go on before the pause came"
 RECEIVED = "the request was received: the run ends at its next wait, and then makes the bench safe"
 ENDS_ALREADY = "the run is ending already: it makes the bench safe"
 
@@ -293,7 +294,7 @@ class Control:
             incoming.answer(outcome="not-paused")
             return
         for wish in self._waiting:
-            wish.answer(outcome="refused", devices={"operator": "let the run go on"})
+            wish.answer(outcome="withdrawn", said=TAKEN_BACK)
         self._waiting.clear()
         self._goes_on = self._paused is not None
         self._wakes.set()

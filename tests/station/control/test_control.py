@@ -32,7 +32,7 @@ from station.control.client import NotRunning, ask, go_on
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
 from station.control.status import read_status
-from station.errors import Aborted, InterlockTripped, PauseRefused, RecordError
+from station.errors import EXIT_ABORTED, Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
 from station.panel.wishes import Wishes
 from station.procedure import Prompt
@@ -359,7 +359,8 @@ def test_to_go_on_takes_a_pause_back_that_has_not_come_yet(virtual: Desk) -> Non
     assert virtual.ask("pause").wait(LONG_S)
     assert go_on(virtual.folder)
     (answer,) = virtual.wait_for_answers()
-    assert answer["outcome"] == "refused"
+    assert (answer["outcome"], controlling.EXITS[answer["outcome"]]) == ("withdrawn", EXIT_ABORTED)
+    assert answer["said"] == "somebody let the run go on before the pause came"
     virtual.control.between_units(virtual.run)
     assert kinds(virtual) == []
 
