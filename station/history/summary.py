@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 import socket
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from station.record.layout import BENCH, EVENTS, MANIFEST, PLAN, RUN, file_hash
 from station.record.verification import quick_look
 
 IDENTIFIED = b'"event": "identified"'
+RESUMED = b'"event": "resumed"'
 RUN_STARTED = "run-started"
 SIMULATION = re.compile(r"^simulation:(?! null)", re.MULTILINE)
 QUICK = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -74,7 +75,7 @@ def _summary(folder: Path) -> RunSummary:
     plan = yaml.load((folder / PLAN).read_text(encoding="utf-8"), QUICK)
     document = _json(folder / RESULTS) if is_own_file(folder / RESULTS) else {}
     run = {
-        "key": _key(whole[0], facts),
+        "key": _key(whole, facts),
         "host": facts["host"],
         "run": folder.name,
         "computer": socket.gethostname(),
@@ -98,18 +99,21 @@ def _summary(folder: Path) -> RunSummary:
 def key_of(folder: Path) -> str:
     """Return the key of a run, the same for each copy of its folder; may raise what DAMAGE names.
 
-    It is the SHA-256 of the first line of its log, which holds by its chain for all of them, and
-    of when and where the run began: two runs of one plan on a simulated bench begin alike.
+    It is the SHA-256 of the line of its log with which its last process began, which holds by the
+    chain for all before it, and of when and where the run began: two runs of one plan on a
+    simulated bench begin alike. Of a folder that was copied, and of which both were resumed, two
+    runs have come.
     """
     if not (is_own_file(folder / EVENTS) and is_own_file(folder / RUN)):
         raise ValueError(f"{EVENTS} or {RUN} is missing, or is no plain file")
     with (folder / EVENTS).open("rb") as log:
-        return _key(log.readline().removesuffix(b"\n"), _json(folder / RUN))
+        return _key((line.removesuffix(b"\n") for line in log), _json(folder / RUN))
 
 
-def _key(first_line: bytes, facts: Row) -> str:
+def _key(log: Iterable[bytes], facts: Row) -> str:
+    first, *others = (line for n, line in enumerate(log) if not n or RESUMED in line)
     began = f"{facts['started_utc']} {facts['host']}"
-    return hashlib.sha256(first_line + b"\n" + began.encode()).hexdigest()
+    return hashlib.sha256((others or [first])[-1] + b"\n" + began.encode()).hexdigest()
 
 
 def manifest_head(folder: Path) -> str:

@@ -22,15 +22,16 @@ from sqlalchemy import create_engine
 
 from station.cli.history import lines
 from station.cli.remembering import out_of_control, remember
-from station.cli.verifying import verify_runs
+from station.cli.verifying import against_history, verify_runs
 from station.errors import InputError
 from station.history.page import page_of
 from station.history.place import FILE, URL
 from station.history.series import series_of
 from station.history.store import History, HistoryError, Wanted
 from station.history.versions import MIGRATIONS
+from station.record.events import EventLog
 from station.record.later import record_later
-from station.record.layout import file_hash, write_manifest
+from station.record.layout import EVENTS, file_hash, write_manifest
 
 SPREAD = random.Random(7)
 
@@ -201,6 +202,23 @@ def test_a_folder_that_was_copied_or_moved_counts_once(shared: Path) -> None:
     with closing(sqlite3.connect(shared / "shared.sqlite3")) as database:
         folders = [Path(row[0]).parent.name for row in database.execute("SELECT folder FROM runs")]
     assert sorted(folders) == ["archive"] * 3 + ["b"] * 3
+
+
+def test_a_copy_of_an_aborted_run_is_another_run_once_both_were_resumed(tmp_path: Path) -> None:
+    first = made_run(tmp_path, 1, None)
+    results = (first / "results.json").rename(tmp_path / "later")
+    write_manifest(first)
+    second = Path(shutil.copytree(first, first.with_name(f"{first.name}-copy")))
+    assert kept(tmp_path) == []
+    for gap_s, run in ((1.0, first), (2.0, second)):
+        log = EventLog(run / EVENTS)
+        log.append(0.0, "resumed", {"silent_s": gap_s}, durable=False)
+        log.append(0.0, "run-ended", {"complete": True}, durable=False)
+        log.close()
+        shutil.copy(results, run / "results.json")
+        write_manifest(run)
+    assert len(kept(tmp_path)) == 2
+    assert [*against_history(first), *against_history(second)] == []
 
 
 def test_two_runs_of_one_plan_that_began_alike_count_twice(tmp_path: Path) -> None:
