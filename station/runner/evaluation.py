@@ -182,7 +182,7 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
         yield Flag(
             "resumed",
             f"The run stopped at {details['stopped_s']:.0f} s of run time and was resumed "
-            f"{span(details['silent_s'])} later; finished by then: {before}.{warned}",
+            f"{silence(details['silent_s'], backwards)} later; finished by then: {before}.{warned}",
             details={"stopped_s": details["stopped_s"], "gap_s": details["silent_s"], **backwards},
         )
         changed = details["software_changed"]
@@ -206,6 +206,11 @@ def flags_of_missed_time(folder: RunFolder) -> Iterator[Flag]:
             "was stopped, or the computer slept.",
             details={"seconds": [m["seconds"] for m in missed]},
         )
+
+
+def silence(silent_s: float, backwards: Mapping[str, float]) -> str:
+    """Return how long nothing was heard of a run; a clock that was set back does not tell."""
+    return "an unknown time" if backwards and not silent_s else span(silent_s)
 
 
 def runs_backwards(backwards_s: float) -> str:

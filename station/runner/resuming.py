@@ -10,7 +10,6 @@ from typing import Any
 
 from station import registry
 from station.clock import RealClock, utc_now
-from station.console import span
 from station.errors import InputError
 from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
@@ -21,7 +20,7 @@ from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.record.recorded import read_plan_and_bench, used_instruments
-from station.runner.evaluation import evaluate_run, exit_code_of, runs_backwards
+from station.runner.evaluation import evaluate_run, exit_code_of, runs_backwards, silence
 from station.runner.execute import (
     DRIVERS,
     SERVED_SINCE,
@@ -137,7 +136,8 @@ def resume(request: ResumeRequest) -> Outcome:
                 software_changed=changed,
             )
             add_software(record, facts)
-            for line in sentences(record.path, procedure, plan, past, silent_s, changed):
+            ago = silence(silent_s, backwards)
+            for line in sentences(record.path, procedure, plan, past, ago, changed):
                 progress.say(line)
             if backwards:
                 progress.say(f"WARNING: {runs_backwards(**backwards)}")
@@ -288,12 +288,12 @@ def sentences(
     procedure: Procedure,
     plan: Plan,
     past: Past,
-    silent_s: float,
+    ago: str,
     changed: Mapping[str, Any],
 ) -> Iterator[str]:
     """Yield what the operator should know before the run goes on."""
     yield f"{procedure.title}: {plan.dut.model} {plan.dut.serial}"
-    yield f"resumed in {folder}, last heard from {span(silent_s)} ago"
+    yield f"resumed in {folder}, last heard from {ago} ago"
     done = ", ".join(past.finished) or "nothing"
     yield f"finished already, not measured again: {done}"
     if changed:
