@@ -488,7 +488,7 @@ def _altered_revisions(folder: OpenedRecord, *, whole: bool) -> Iterator[str]:
         if path.is_symlink() or not is_own_file(manifest):
             yield f"{path} was added: it has no {MANIFEST}, so it is no revision; move it elsewhere"
             continue
-        if named and number not in named and not is_held(folder.path / LOCK):
+        if named and number not in named and not _is_being_named(folder.path, number):
             yield f"{path} was added: {EVENTS} does not name this revision"
         if named.get(number) and file_hash(manifest) != named[number]:
             yield f"{manifest} was written anew: {EVENTS} has another SHA-256 of it"
@@ -505,6 +505,11 @@ def _altered_revisions(folder: OpenedRecord, *, whole: bool) -> Iterator[str]:
             difference = differs(path, name, digest) if whole or name == RESULTS else None
             if difference is not None:
                 yield difference
+
+
+def _is_being_named(path: Path, revision: str) -> bool:
+    """Whether the log of a run names a revision since it was read, or is about to."""
+    return is_held(path / LOCK) or revision in named_revisions(tuple(read_events(path / EVENTS)))
 
 
 def _missing_signatures(folder: OpenedRecord) -> Iterator[str]:

@@ -48,6 +48,7 @@ from station.history.store import History
 from station.history.summary import summary_of
 from station.record.events import read_events
 from station.record.folder import RunFolder, RunRecord
+from station.record.integrity import state_of
 from station.record.later import add_revision, draft_revision, record_later
 from station.record.layout import (
     EVENTS,
@@ -234,6 +235,13 @@ def test_while_an_analysis_writes_the_run_is_unchanged_and_another_takes_the_nex
         assert add_revision(run, draft).name == "002"
     assert sorted(path.name for path in (run / "revisions").iterdir()) == ["000", "001", "002"]
     assert not verify(run).changed
+
+
+def test_a_look_that_began_before_an_analysis_was_recorded_finds_nothing_wrong(run: Path) -> None:
+    analysed(run)
+    looked_at = RunFolder(run)
+    analysed(run)
+    assert state_of(looked_at, whole=False).state == "unchanged"
 
 
 def test_an_analysis_whose_line_the_log_does_not_take_adds_no_revision(run: Path) -> None:
