@@ -12,7 +12,7 @@ from procedures.estimation.measured import Measured, root
 from procedures.estimation.screening import screen
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
-from .axis import AxisAnalysis
+from .axis import AxisAnalysis, with_samples
 from .dataset import (
     COEFFICIENTS,
     PER_SQRT_H,
@@ -81,9 +81,9 @@ def _axis(
         )
         for record in dataset.records
     )
-    screened = tuple(screening for screening in screened if len(screening.there))
-    means = np.array([float(screening.there.mean()) for screening in screened])
-    rates = noise_records([piece for screening in screened for piece in screening.pieces()])
+    used = with_samples(screened)
+    means = np.array([float(record.there.mean()) for record in used])
+    rates = noise_records([piece for record in used for piece in record.pieces()])
     pieces = Pieces(rates, interval_s, dataset.pulse_arcsec, dataset.output_bandwidth_Hz)
     fit = fit_noise(pieces, settings.periodic_chance)
     if fit is None:
@@ -112,7 +112,7 @@ def _estimates(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Estimate]
         stability = stability_of(analysed.fit.pieces, dataset.sample_interval_s, analysed.fit.theta)
         if stability is not None:
             by_name["bias_stability"] = stability, {}
-    lengths_s = np.array([len(s.there) for s in analysed.screened]) * dataset.sample_interval_s
+    lengths_s = np.array([len(s.there) for s in analysed.used]) * dataset.sample_interval_s
     if len(analysed.means):
         bias = bias_of(analysed.means, float(lengths_s[0]), theta)
         if bias is not None:

@@ -22,3 +22,13 @@ class AxisAnalysis:
     fit: NoiseFit | None
     minimum: Minimum | None
     curve: AllanDeviation | None
+
+    @property
+    def used(self) -> tuple[Screened, ...]:
+        """The records of which anything is left."""
+        return with_samples(self.screened)
+
+
+def with_samples(screened: tuple[Screened, ...]) -> tuple[Screened, ...]:
+    """Return the records of which anything is left."""
+    return tuple(record for record in screened if len(record.there))

@@ -90,7 +90,7 @@ def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
     rows = [
         [str(number), f"{len(screened.there)}", format_number(float(mean) - earth)]
         for number, (screened, mean) in enumerate(
-            zip(analysed.screened, analysed.means, strict=True), 1
+            zip(analysed.used, analysed.means, strict=True), 1
         )
     ]
     sentence = f"Mean of each switch-on, earth's rate of {earth:.4f} deg/h taken off."

@@ -68,6 +68,9 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
         sentence = f"No record of {analysed.axis} is long enough to show its noise; record longer."
         return [not_identifiable(sentence, lost, analysed.axis)]
     flags = []
+    if len(analysed.means) == 1:
+        sentence = f"{analysed.axis} has one switch-on with samples, which shows no repeatability."
+        flags.append(not_identifiable(sentence, ["bias_repeatability"], analysed.axis))
     small = []
     for n, name in enumerate(COEFFICIENTS):
         if n == 0 and not fit.quantisation_seen:

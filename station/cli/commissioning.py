@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from station.cli.running import report_outcome, request_of
+from station.cli.running import COMMISSIONING, leave_nothing_untried, report_outcome, request_of
 from station.cli.validating import read_bench_named
-from station.errors import EXIT_DONE, EXIT_FAULT, EXIT_UNDETERMINED
-from station.findings import NOT_TRIED
 from station.procedure import procedure_of
 from station.runner.execute import execute
-
-PLAN = "commissioning"
 
 
 def commission_bench(
@@ -34,10 +30,10 @@ def commission_bench(
     stated = {
         key.strip(): text for key, _, text in (override.partition("=") for override in overrides)
     }
-    fits = procedure_of(PLAN).fits(bench, check, stated)
+    fits = procedure_of(COMMISSIONING).fits(bench, check, stated)
     fitted = [fit for fit in fits if fit.partition("=")[0] not in stated]
     request = request_of(
-        PLAN,
+        COMMISSIONING,
         bench_name,
         non_interactive=non_interactive,
         answers=answers,
@@ -46,8 +42,5 @@ def commission_bench(
         trace=trace,
     )
     outcome = execute(request)
-    flags = outcome.document.flags if outcome.document is not None else ()
-    untried = [flag for flag in flags if flag.code == NOT_TRIED]
-    if outcome.exit_code in (EXIT_DONE, EXIT_UNDETERMINED) and untried:
-        outcome.exit_code = EXIT_FAULT
-    return report_outcome(outcome, PLAN, as_json=as_json)
+    leave_nothing_untried(outcome)
+    return report_outcome(outcome, COMMISSIONING, as_json=as_json)

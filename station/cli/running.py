@@ -16,9 +16,17 @@ from station.cli.remembering import out_of_control, remember
 from station.cli.validating import read_bench_named, read_plan_for, read_served
 from station.console import OutputLost, span, tell
 from station.control.client import go_on
-from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
+from station.errors import (
+    EXIT_ABORTED,
+    EXIT_DONE,
+    EXIT_FAULT,
+    EXIT_INTERLOCK,
+    EXIT_UNDETERMINED,
+    InputError,
+)
 from station.files.locks import is_held
 from station.files.yaml.reading import read_yaml
+from station.findings import NOT_TRIED
 from station.instruments.whole_bench import IN_USE
 from station.procedure import procedure_of
 from station.record.events import not_known, whole_bench
@@ -42,6 +50,7 @@ if TYPE_CHECKING:
 
 # `station run`.
 
+COMMISSIONING = "commissioning"
 ANNOUNCE = "STATION_ANNOUNCE"
 """Names the file into which a detached run writes its folder; only `--detach` sets it."""
 
@@ -139,6 +148,14 @@ def report_outcome(outcome: Outcome, procedure: str, *, as_json: bool) -> int:
         ended = outcome.exit_code in (EXIT_ABORTED, EXIT_INTERLOCK)
         return outcome.exit_code if ended else EXIT_FAULT
     return outcome.exit_code
+
+
+def leave_nothing_untried(outcome: Outcome) -> None:
+    """Have a commissioning of which anything was not tried end with 3: it proves no bench."""
+    flags = outcome.document.flags if outcome.document is not None else ()
+    untried = any(flag.code == NOT_TRIED for flag in flags)
+    if untried and outcome.exit_code in (EXIT_DONE, EXIT_UNDETERMINED):
+        outcome.exit_code = EXIT_FAULT
 
 
 def print_outcome(outcome: Outcome, procedure: str, *, as_json: bool) -> None:
@@ -269,6 +286,8 @@ def resume_run(
         announce=announce,
     )
     outcome = resume(request)
+    if plan.procedure == COMMISSIONING:
+        leave_nothing_untried(outcome)
     exit_code = report_outcome(outcome, plan.procedure, as_json=as_json)
     remember(outcome.folder)
     return exit_code

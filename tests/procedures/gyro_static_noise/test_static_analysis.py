@@ -28,6 +28,11 @@ def value(analysis: StaticAnalysis, name: str) -> float:
     return found
 
 
+def value_or_nan(analysis: StaticAnalysis, name: str) -> float:
+    values = [estimate.value for estimate in analysis.estimates if estimate.name == name]
+    return float("nan") if values[0] is None else values[0]
+
+
 def changed(dataset: StaticDataset, rate: Array, keep: Array | None = None) -> StaticDataset:
     """Return a dataset whose first record has these rates, or those of the kept places."""
     first, *rest = dataset.records
@@ -83,6 +88,18 @@ def test_what_a_run_without_a_finished_record_lacks_is_flagged_whole(fog: Static
     found = analyse(replace(fog, records=()))
     (flag,) = [flag for flag in found.flags if flag.code == "not-identifiable"]
     assert {estimate.name for estimate in found.estimates} == set(flag.details["coefficients"])
+
+
+def test_a_switch_on_that_is_frozen_whole_is_flagged_and_leaves_no_repeatability(
+    fog: StaticDataset,
+) -> None:
+    first, second = (fog.records[0], fog.records[0])
+    stands = replace(second, rate_deg_per_h=np.full_like(second.rate_deg_per_h, 9.6))
+    found = analyse(replace(fog, records=(first, stands)))
+    assert np.isnan(value_or_nan(found, "bias_repeatability"))
+    flags = {flag.code: flag for flag in found.flags}
+    assert flags["frozen"].details["count"] == len(second.rate_deg_per_h)
+    assert flags["not-identifiable"].details["coefficients"] == ["bias_repeatability"]
 
 
 def test_repeatability_is_the_switch_ons_own() -> None:
