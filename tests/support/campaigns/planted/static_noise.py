@@ -15,7 +15,8 @@ from procedures.gyro_static_noise.analysis import StaticAnalysis, analyse
 from procedures.gyro_static_noise.dataset import Array, StaticDataset
 
 SAMPLES = 3600
-USUAL_FLAGS = frozenset({"not-significant", "short-record"})
+USUAL_FLAGS = frozenset({"not-significant", "short-record", "not-identifiable"})
+"""Of one switch-on the repeatability is not identifiable."""
 
 
 def made(device: str, counts: Sequence[int], seed: int, **changes: float) -> Held:
