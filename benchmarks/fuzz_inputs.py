@@ -34,9 +34,9 @@ from odd_changes import ODD, TABLE, YAML, mutated
 from station.cli import main
 
 ROOT = Path(__file__).parent.parent
-LONGEST_S = 10.0
-MOST_BYTES = 100_000
-MOST_MEMORY = 6 << 30
+MAX_S = 10.0
+MAX_BYTES = 100_000
+MAX_MEMORY_BYTES = 6 << 30
 RIGHT = (0, 1, 2, 6)
 
 
@@ -121,7 +121,7 @@ def bounded() -> Iterator[None]:
         raise TooLong
 
     signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, 6 * LONGEST_S)
+    signal.setitimer(signal.ITIMER_REAL, 6 * MAX_S)
     try:
         yield
     finally:
@@ -143,7 +143,7 @@ def attempt(number: int, datasets: Sequence[Path]) -> Outcome:
         except SystemExit as ended:
             code = ended.code if isinstance(ended.code, int) else 0
         except TooLong:
-            broken = f"longer than {LONGEST_S:g} s"
+            broken = f"longer than {MAX_S:g} s"
         finally:
             sys.argv = argv
         seconds = time.process_time() - began_s
@@ -155,10 +155,10 @@ def attempt(number: int, datasets: Sequence[Path]) -> Outcome:
         broken = "a warning of a library"
     elif code not in RIGHT and not (code == 3 and "There is no verdict on the device" in said):
         broken = broken or f"exit code {code}"
-    elif seconds > LONGEST_S:
-        broken = f"longer than {LONGEST_S:g} s"
-    elif size > MOST_BYTES:
-        broken = f"more than {MOST_BYTES} bytes"
+    elif seconds > MAX_S:
+        broken = f"longer than {MAX_S:g} s"
+    elif size > MAX_BYTES:
+        broken = f"more than {MAX_BYTES} bytes"
     shown = tuple(word.replace(folder, "…")[:200] for word in command)
     return Outcome(
         number,
@@ -200,7 +200,7 @@ def arguments() -> argparse.Namespace:
 
 if __name__ == "__main__":
     given = arguments()
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
     os.environ["COLUMNS"] = "200"
     ended: Counter[str] = Counter()
     slowest_s, largest = 0.0, 0

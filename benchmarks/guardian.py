@@ -47,7 +47,7 @@ DOUBLES = (
 SETTLES_S = 0.3
 CASES = ((0.5, "x"), (0.5, "x"), (0.1, "y"), (0.5, "xyz"))
 """Frequency in Hz and the coils that are driven, one case after the other."""
-PROCEDURE_SPEED, PROCEDURE_Hz, LONGEST_RUN_S = 20.0, 0.1, 16.0
+PROCEDURE_SPEED, PROCEDURE_Hz, MAX_RUN_S = 20.0, 0.1, 16.0
 
 
 def main() -> None:
@@ -116,7 +116,7 @@ def procedure(seed: int, folder: Path) -> dict[str, Any]:
         until(lambda: only_run(folder / "runs") is not None)
         run_folder = only_run(folder / "runs")
         assert run_folder is not None
-        time.sleep(np.random.default_rng(1000 + seed).uniform(0.0, LONGEST_RUN_S))
+        time.sleep(np.random.default_rng(1000 + seed).uniform(0.0, MAX_RUN_S))
         run = GuardedRun(process, run_folder)
         return ended(bench, run, signal.SIGKILL, "procedure", seed, PROCEDURE_Hz, "xyz")
 

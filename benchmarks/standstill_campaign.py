@@ -41,7 +41,7 @@ from campaigns.standstill.oracle import Observed, attack
 from user_space_disk import why_not
 
 SHUFFLED_BY = 15
-LONGEST_WORDS = 400
+MAX_WORDS = 400
 
 
 def main() -> None:
@@ -113,7 +113,7 @@ def line_of(seen: Observed) -> dict[str, Any]:
         "followed": seen.followed,
         "broken": seen.broken,
         **({"busy": seen.busy} if seen.busy else {}),
-        **({"words": seen.words[-LONGEST_WORDS:]} if seen.broken or not seen.struck else {}),
+        **({"words": seen.words[-MAX_WORDS:]} if seen.broken or not seen.struck else {}),
     }
 
 

@@ -28,7 +28,7 @@ Maker = Callable[[Setting], SimulatedInstrument]
 
 OURS = f"{__name__.partition('.')[0]}."
 LARGEST_PORT = 65535
-MOST_QUOTED = 200
+MAX_QUOTED = 200
 EXAMPLE = "{instrument: coil_supply.x, fault: overdrive}"
 
 
@@ -171,7 +171,7 @@ class SimulatedBench:
                 return f"not injected: write `report`, or a fault such as {EXAMPLE}"
             return self.inject(entry)
         except yaml.YAMLError:
-            quoted = line.strip()[:MOST_QUOTED]
+            quoted = line.strip()[:MAX_QUOTED]
             return f"not injected: {quoted!r} is neither YAML nor JSON; write {EXAMPLE}"
         except SimulationError as error:
             return f"not injected: {error}"

@@ -18,9 +18,9 @@ from typing import Any, TextIO, cast
 from station.clock import RealClock
 from station.errors import StationError
 
-MOST_WAITING = 500
+MAX_WAITING = 500
 """Pieces of text that wait for a terminal."""
-MOST_LOOKS, LOOKS_EVERY_S = 50, 0.005
+MAX_LOOKS, LOOKS_EVERY_S = 50, 0.005
 """So long a full queue is waited for, once: then its terminal stands still."""
 LAST_WORDS_S = 2.0
 IN_ORDER_WITHIN_S = 0.5
@@ -31,7 +31,7 @@ class OutputLost(StationError):
     """Standard output that does not take what a command has to say."""
 
 
-class NeverBlocking:
+class NonBlockingStderr:
     """Standard error as a queue, written to the terminal by a thread of its own."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -70,11 +70,11 @@ class NeverBlocking:
 
     def _takes_more(self) -> bool:
         """Whether there is room; a terminal that is only slow is waited for."""
-        if self._dropping and self._waiting.qsize() > MOST_WAITING // 2:
+        if self._dropping and self._waiting.qsize() > MAX_WAITING // 2:
             return False
         clock, looks = RealClock(), 0
-        while self._waiting.qsize() >= MOST_WAITING:
-            if (looks := looks + 1) > MOST_LOOKS:
+        while self._waiting.qsize() >= MAX_WAITING:
+            if (looks := looks + 1) > MAX_LOOKS:
                 self._dropping = True
                 return False
             clock.sleep(LOOKS_EVERY_S)
@@ -105,7 +105,7 @@ class NeverBlocking:
 class Whole:
     """Standard output without a buffer that could fail, or block, at the end of the process."""
 
-    def __init__(self, stream: TextIO | None, messages: NeverBlocking | None = None) -> None:
+    def __init__(self, stream: TextIO | None, messages: NonBlockingStderr | None = None) -> None:
         self._stream = stream
         self._messages = messages
         """What was written before, elsewhere: on a terminal it is to stand before."""
@@ -176,7 +176,7 @@ def take_over_streams() -> None:
         sys.stderr = os.fdopen(2, "w", encoding="utf-8")
     ours = None
     if has_handle(sys.stderr):
-        ours = NeverBlocking(sys.stderr)
+        ours = NonBlockingStderr(sys.stderr)
         sys.stderr = cast(TextIO, ours)
         atexit.register(ours.drain, LAST_WORDS_S)
     if os.name == "posix" and (1 in closed or has_handle(sys.stdout)):
@@ -186,7 +186,7 @@ def take_over_streams() -> None:
 
 def has_handle(stream: TextIO | None) -> bool:
     """Whether the system knows a stream by a number."""
-    if stream is None or isinstance(stream, NeverBlocking | Whole):
+    if stream is None or isinstance(stream, NonBlockingStderr | Whole):
         return False
     try:
         stream.fileno()

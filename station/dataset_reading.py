@@ -24,7 +24,7 @@ from station.files.yaml.reading import Document, read_text, read_yaml
 DATASET_FILE = "dataset.yaml"
 LARGEST = 1e38
 """Nothing that is measured is larger in its unit, and its powers can still be computed."""
-MOST_FAULTS = 20
+MAX_FAULTS = 20
 BLOCK_LINES, BLOCK_CHARACTERS = 20_000, 1_000_000
 """What is taken apart at once: the words of a row take thirty times its numbers' memory."""
 
@@ -126,7 +126,7 @@ class Table(dict[str, NDArray[Any]]):
 def refuse(faults: Sequence[Fault]) -> None:
     """Raise FaultList with the first faults, where there are any."""
     if faults:
-        raise FaultList(faults[:MOST_FAULTS])
+        raise FaultList(faults[:MAX_FAULTS])
 
 
 def read_dataset(path: Path) -> RawDataset:
@@ -276,9 +276,9 @@ def _header_faults(
     column = 1
     seen: set[str] = set()
     for n, (name, cell) in enumerate(zip(names, _cells(header), strict=True)):
-        if len(faults) > MOST_FAULTS:
+        if len(faults) > MAX_FAULTS:
             rest = f"and more faults; the file has {len(names)} columns"
-            return [*faults[:MOST_FAULTS], Fault(str(path), line, column, "header", rest)]
+            return [*faults[:MAX_FAULTS], Fault(str(path), line, column, "header", rest)]
         if name in seen:
             faults.append(Fault(str(path), line, column, name, "the column stands twice"))
         elif name not in known:
@@ -313,9 +313,9 @@ def _number(cell: str) -> float:
 def _first(faults: list[Fault], path: Path) -> list[Fault]:
     """Return the first faults in the file's order, and one that counts the others."""
     ordered = sorted(faults, key=lambda fault: (fault.line, fault.column))
-    if len(ordered) <= MOST_FAULTS:
+    if len(ordered) <= MAX_FAULTS:
         return ordered
-    rest = len(ordered) - MOST_FAULTS
-    last = ordered[MOST_FAULTS]
+    rest = len(ordered) - MAX_FAULTS
+    last = ordered[MAX_FAULTS]
     what = f"and {rest} more faults from here on"
-    return [*ordered[:MOST_FAULTS], Fault(str(path), last.line, last.column, "file", what)]
+    return [*ordered[:MAX_FAULTS], Fault(str(path), last.line, last.column, "file", what)]

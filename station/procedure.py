@@ -85,7 +85,7 @@ class RecordUse:
 
 
 @dataclass(frozen=True)
-class Later:
+class LazyImport:
     """Something of a module that is imported when it is asked for, not before: `lab.fit:analyse`.
 
     Called, it calls what stands there; `get` returns it.
@@ -118,12 +118,12 @@ def usual_modules(package: str) -> DataHooks:
     `from_import`, with the model `Conditions`, `evaluate` has `findings_of_dataset(raw)`, too;
     where there is `figures`, it has `draw_parts(findings, document)`.
     """
-    hooks = DataHooks(evaluate_run=Later(f"{package}.evaluate:findings_of_run"))
+    hooks = DataHooks(evaluate_run=LazyImport(f"{package}.evaluate:findings_of_run"))
     if find_spec(f"{package}.from_import") is not None:
-        hooks["evaluate_dataset"] = Later(f"{package}.evaluate:findings_of_dataset")
-        hooks["conditions"] = Later(f"{package}.from_import:Conditions").get
+        hooks["evaluate_dataset"] = LazyImport(f"{package}.evaluate:findings_of_dataset")
+        hooks["conditions"] = LazyImport(f"{package}.from_import:Conditions").get
     if find_spec(f"{package}.figures") is not None:
-        hooks["report"] = Later(f"{package}.figures:draw_parts")
+        hooks["report"] = LazyImport(f"{package}.figures:draw_parts")
     return hooks
 
 
@@ -193,8 +193,8 @@ def no_records(parameters: Any, bench: Bench) -> tuple[RecordUse, ...]:
 class Procedure:
     """A published method, ready to be run, imported and analysed.
 
-    What needs NumPy or a plotting library, as evaluation and report do, is given as `Later` or by
-    `usual_modules`, so that a plan is validated without them.
+    What needs NumPy or a plotting library, as evaluation and report do, is given as `LazyImport` or
+    by `usual_modules`, so that a plan is validated without them.
 
     parameters: model of the plan's `parameters`; results: name to axes and unit;
     instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
@@ -332,7 +332,7 @@ class Procedures(Mapping[str, Procedure]):
         return procedure_of(name)
 
 
-def as_declared(procedure: Procedure, findings: Findings) -> Findings:
+def check_findings(procedure: Procedure, findings: Findings) -> Findings:
     """Return findings; InputError for an estimate that the procedure does not declare so.
 
     A limit of the plan is converted to the declared unit, and compared with the estimate's number.

@@ -19,7 +19,7 @@ LATE_S = 0.6
 
 RATE_AGREES = 1e-3
 SLACK_DEG = 5.0
-MOST_SLACK_DEG = 100.0
+MAX_SLACK_DEG = 100.0
 """An angle that is further than this from its plan might be one of another turn."""
 
 
@@ -118,7 +118,7 @@ class TurnCount:
 
     def _judge(self, angle_deg: float, expected_deg: float) -> None:
         slack_deg = SLACK_DEG + LATE_S * self._fastest + self._slack_deg
-        if slack_deg > MOST_SLACK_DEG:
+        if slack_deg > MAX_SLACK_DEG:
             self.lost = "nobody read the encoder for so long that its turns cannot be counted"
         elif abs(angle_deg - expected_deg) > slack_deg:
             self.lost = (
@@ -127,7 +127,7 @@ class TurnCount:
             )
 
 
-MOST_AXES = 3
+MAX_AXES = 3
 
 
 class Doing(Enum):
@@ -176,8 +176,8 @@ class AclSettings(SerialSettings):
     framing: Literal["framed", "line"] = Field(
         "framed", description="whether answers begin with error code and length, or are plain lines"
     )
-    axes: int = Field(MOST_AXES, ge=1, le=MOST_AXES, description="how many axes it has")
-    continuous: tuple[Annotated[int, Field(ge=1, le=MOST_AXES)], ...] | None = Field(
+    axes: int = Field(MAX_AXES, ge=1, le=MAX_AXES, description="how many axes it has")
+    continuous: tuple[Annotated[int, Field(ge=1, le=MAX_AXES)], ...] | None = Field(
         None, description="the axes that turn for ever, all unless given"
     )
     zero: Literal["absolute", "search"] = Field(
@@ -195,7 +195,7 @@ class AclSettings(SerialSettings):
     @classmethod
     def are_there(cls, given: Sequence[int] | None, info: ValidationInfo) -> Sequence[int] | None:
         """Refuse an axis that the table does not have."""
-        axes = info.data.get("axes", MOST_AXES)
+        axes = info.data.get("axes", MAX_AXES)
         if beyond := [axis for axis in given or () if axis > axes]:
             raise ValueError(f"there is no axis {beyond[0]}; the table's axes are 1 to {axes}")
         return given

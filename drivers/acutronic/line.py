@@ -24,7 +24,7 @@ EXCHANGES_APART_S = 2e-3
 ERROR_QUERY = ":Status:MSG? QERROR;:Status:STB?"
 """The byte, which this query does not clear, shows that an empty queue answered with nothing."""
 
-MOST_ERRORS = 32
+MAX_ERRORS = 32
 SENT_DECIMALS = 6
 BYTE = re.compile(r"\s*\d+\s*")
 NUMBER = re.compile(r"[+-]?(?=\.?\d)\d*(?:\.(\d*))?")
@@ -146,7 +146,7 @@ class AclLine:
 
     def forget_errors(self) -> None:
         """Read errors until there is none."""
-        for _ in range(MOST_ERRORS):
+        for _ in range(MAX_ERRORS):
             if not self._next_error().code:
                 return
 
@@ -206,7 +206,7 @@ class AclLine:
 
     def _first_kept(self, answer: Answer) -> Answer:
         """Return the queue's entry of an error, which has its words; the answer itself if none."""
-        for _ in range(MOST_ERRORS):
+        for _ in range(MAX_ERRORS):
             kept = self._next_error()
             if kept.code in (0, answer.code):
                 return kept if kept.code else answer

@@ -20,13 +20,13 @@ from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place
 
-MOST_READINGS = 10_000
+MAX_READINGS = 10_000
 """In a burst."""
 OVERLOAD, NO_READING = 9.9e37, 9.91e37
 """What meters with SCPI write for a reading beyond the range, and where there is none."""
 BETWEEN_READINGS_S = 0.01
 GRACE_S = 5.0
-LONGEST_LOOK_S = 0.5
+MAX_LOOK_S = 0.5
 
 
 class MainsSettings(VisaSettings):
@@ -58,7 +58,7 @@ class BurstMeter(ScpiDriver):
     Settings: ClassVar[type[MainsSettings]] = MainsSettings
     function: ClassVar[Function]
     integration_cycles: ClassVar[tuple[float, ...]]
-    most_readings: ClassVar[int] = MOST_READINGS
+    most_readings: ClassVar[int] = MAX_READINGS
 
     @abstractmethod
     def _set_up(self, range_: float, nplc: float, auto_zero: bool | None) -> None:
@@ -116,10 +116,10 @@ class BurstMeter(ScpiDriver):
 
     def _begin(self, readings: int) -> None:
         """Begin a burst of readings, which forgets older ones; returns at once."""
-        if not 1 <= readings <= MOST_READINGS:
+        if not 1 <= readings <= MAX_READINGS:
             raise self.error(
                 f"take a burst of {readings} readings",
-                f"it can be asked for 1 to {MOST_READINGS}",
+                f"it can be asked for 1 to {MAX_READINGS}",
                 "split the measurement into several bursts",
             )
         if self._range is None:
@@ -154,7 +154,7 @@ class BurstMeter(ScpiDriver):
                 return self._last()
             self._go(self._line.patient, 1)
             while True:
-                look_s = min(self._reading_s + BETWEEN_READINGS_S, LONGEST_LOOK_S)
+                look_s = min(self._reading_s + BETWEEN_READINGS_S, MAX_LOOK_S)
                 self.place.clock.sleep(look_s)
                 values = self._taken(self._line.patient, 1)
                 if values is not None:

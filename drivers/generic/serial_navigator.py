@@ -58,7 +58,7 @@ from drivers.transport.serial_stream import (
 from station.roles import Place
 
 SYNC = b"\x9a\x65"
-LONGEST_PAYLOAD = 32
+MAX_PAYLOAD = 32
 COMMAND, OUTPUT, ACKNOWLEDGEMENT, STATUS, IDENTITY = 0x10, 0x90, 0x91, 0x92, 0x93
 
 HEAD = struct.Struct(">2sBB")
@@ -96,7 +96,7 @@ def split(pending: bytes) -> Split:
             return Split(frames, pending[begin:], skipped)
         _, kind, length = HEAD.unpack_from(pending, begin)
         end = begin + HEAD.size + length + CHECKSUM.size
-        if length <= LONGEST_PAYLOAD:
+        if length <= MAX_PAYLOAD:
             if len(pending) < end:
                 return Split(frames, pending[begin:], skipped)
             body = pending[begin : end - CHECKSUM.size]

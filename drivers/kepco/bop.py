@@ -21,7 +21,7 @@ from drivers.kepco.supply import BEHIND_MODEL, KepcoSupply
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ERROR_QUERY
 
-LONGEST_MESSAGE = 253
+MAX_MESSAGE = 253
 LIST_POINTS = 1000
 DWELL_RANGE_S = (0.0005, 10.0)
 
@@ -86,7 +86,7 @@ def list_messages(currents_A: np.ndarray) -> list[str]:
     Each is at most 253 characters long together with the error query that follows it.
     """
     messages: list[str] = []
-    room = LONGEST_MESSAGE - len(ERROR_QUERY) - len(";\n")
+    room = MAX_MESSAGE - len(ERROR_QUERY) - len(";\n")
     message = ""
     for value in currents_A:
         text = f"{value:.4f}"

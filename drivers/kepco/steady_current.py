@@ -24,10 +24,10 @@ FEWEST_LOOKS = 16
 PATIENCE_S = 2.0
 PATIENCE_TAUS = 20.0
 RELATIVE_TOLERANCE = 0.002
-MOST_READS = 4
+MAX_READS = 4
 VOLTAGE_MODE = 1 << 8
 SETTLES_S = 0.5
-MOST_CUT_A = 1.0
+MAX_CUT_A = 1.0
 """The energy of a coil of 18 mH is then 9 mJ, which any output stage takes."""
 
 
@@ -88,10 +88,10 @@ class SteadyCurrent(ScpiDriver, ABC):
 
     def cut_off(self) -> None:
         """Switch the output off at once; refused beyond 1 A, where a coil needs a ramp."""
-        if abs(self.current_A()) > MOST_CUT_A:
+        if abs(self.current_A()) > MAX_CUT_A:
             raise self.error(
                 "switch the output off at once",
-                f"more than {MOST_CUT_A:g} A flow",
+                f"more than {MAX_CUT_A:g} A flow",
                 "cut off a smaller current",
             )
         self._line.command("OUTP OFF")
@@ -190,7 +190,7 @@ def set_point_A(number: Callable[[str], float]) -> float:
     twice.
     """
     read_A = number("CURR?")
-    for _ in range(MOST_READS):
+    for _ in range(MAX_READS):
         before_A, read_A = read_A, number("CURR?")
         if read_A == before_A:
             break

@@ -41,7 +41,7 @@ OPERATION = "STAT:OPER:COND?"
 LIST_RUNNING = 1 << 14
 SETTLE_S = 0.1
 COMES_TO_REST_S = 60.0
-LONGEST_HALF_PERIOD_S = 10.5
+MAX_HALF_PERIOD_S = 10.5
 """Half a period of the slowest published drive, 0.05 Hz, and a little."""
 
 LOOK_S = 0.01
@@ -71,7 +71,7 @@ class KepcoSupply(SteadyCurrent):
     def __init__(self, place: Place) -> None:
         super().__init__(place)
         self._voltage_limit_V = self.limit("voltage")
-        self._half_period_s = LONGEST_HALF_PERIOD_S
+        self._half_period_s = MAX_HALF_PERIOD_S
         self._sine: Sine | None = None
         self._stood_still = False
 
@@ -240,7 +240,7 @@ class KepcoSupply(SteadyCurrent):
         a zero of the current or, where the line is out of step then, at the next. A list that does
         not come to zero in the longest half period is left all the same.
         """
-        until_s = min(self.place.clock.now() + LONGEST_HALF_PERIOD_S, deadline_s - SETTLE_S)
+        until_s = min(self.place.clock.now() + MAX_HALF_PERIOD_S, deadline_s - SETTLE_S)
         tries = TRIES
         while tries:
             self._stood_still |= not wait_for_zero(

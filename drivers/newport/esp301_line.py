@@ -13,7 +13,7 @@ from station.errors import InstrumentError
 from station.roles import Place
 
 ERROR_QUERY = "TB?"
-MOST_ERRORS = 10
+MAX_ERRORS = 10
 MODEL = re.compile(r"(ESP30\d)\s+Version\s+(\S+)", re.IGNORECASE)
 ERROR = re.compile(r"\s*(\d+)\s*,\s*(\d+)\s*,\s*(\S.*?)\s*")
 
@@ -82,7 +82,7 @@ class EspLine(SerialLine):
 
     def forget_errors(self) -> None:
         """Read errors until there is none."""
-        for _ in range(MOST_ERRORS + 1):
+        for _ in range(MAX_ERRORS + 1):
             if not self._error(ERROR_QUERY)[0]:
                 return
 

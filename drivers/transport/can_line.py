@@ -19,7 +19,7 @@ from station.roles import Place
 from station.roles.can_addresses import SCHEME, can_address
 
 GREETING, OPENED = b"< hi >", b"< ok >"
-LONGEST_MESSAGE = 256
+MAX_MESSAGE = 256
 """A frame of eight bytes takes less than 60 characters."""
 
 EXTENDED_ID_DIGITS = 8
@@ -72,7 +72,7 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
         whole = b">" in self._pending  # they came with the end of the opening
         self._pending += self._port.read(0.0 if whole else within_s)
         *texts, self._pending = self._pending.split(b">")
-        if len(self._pending) > LONGEST_MESSAGE:
+        if len(self._pending) > MAX_MESSAGE:
             self._passed_over(self._pending)
             self._pending = b""
         return [message for text in texts if (message := self._message(text)) is not None]
@@ -92,7 +92,7 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
     def _expect(self, wanted: bytes, otherwise: str) -> None:
         """Wait for a message of the opening; what comes behind it is kept."""
         until_s = boot_seconds() + CONNECT_DEADLINE_S
-        while b">" not in self._pending and len(self._pending) <= LONGEST_MESSAGE:
+        while b">" not in self._pending and len(self._pending) <= MAX_MESSAGE:
             left_s = until_s - boot_seconds()
             if left_s <= 0.0:
                 raise TimeoutError(f"{otherwise}: {self._pending[:40]!r} came back")
@@ -121,7 +121,7 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
             return None
 
 
-LONGEST_TRACE = 80
+MAX_TRACE = 80
 
 
 class TextBus(can.BusABC):  # type: ignore[misc]  # python-can is not typed here
@@ -272,7 +272,7 @@ class CanLine(KeptFrames[Frame]):
         return messages
 
     def _passed_over(self, data: bytes) -> None:
-        self._traced("!", data[:LONGEST_TRACE] + b": no message of socketcand")
+        self._traced("!", data[:MAX_TRACE] + b": no message of socketcand")
 
     def _traced_frame(self, direction: str, identifier: int, data: bytes) -> None:
         if self._trace is not None:

@@ -14,9 +14,9 @@ from station.roles import Place
 
 LOOK_S = 0.005
 READ_SLICE_S = 0.2
-MOST_FRAMES = 500_000
+MAX_FRAMES = 500_000
 """That nobody takes, about 100 MB: the oldest are dropped, which their own numbers show."""
-LONGEST_SILENCE_S = 10.0
+MAX_SILENCE_S = 10.0
 """Real time without a sign of life of the reading thread."""
 
 F = TypeVar("F")
@@ -99,7 +99,7 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         """Keep what has come, or comes within a real time; return whether there was anything."""
 
     def _keep_reading(self) -> None:
-        with self._clock.pulse(f"the reader of {self._place.name}", LONGEST_SILENCE_S) as pulse:
+        with self._clock.pulse(f"the reader of {self._place.name}", MAX_SILENCE_S) as pulse:
             while not self._closing.is_set() and self._dead is None:
                 self._read(READ_SLICE_S)
                 pulse.beat()
@@ -114,7 +114,7 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
     def _keep(self, frames: Iterable[F]) -> None:
         with self._frames_lock:
             self._frames.extend(frames)
-            too_many = len(self._frames) - MOST_FRAMES
+            too_many = len(self._frames) - MAX_FRAMES
             if too_many <= 0:
                 return
             for _ in range(too_many):
@@ -122,7 +122,7 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
             self._dropped += too_many
             first = self._dropped == too_many
         if first:
-            self._place.note("frames-dropped", kept=MOST_FRAMES)
+            self._place.note("frames-dropped", kept=MAX_FRAMES)
 
     def _broken(self, why: str) -> InstrumentError:
         return self._fault(f"used {self.line}", f"the line broke ({why})", self.when_broken)

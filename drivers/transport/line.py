@@ -68,7 +68,7 @@ class TracedLine:
 OTHER_ADDRESS = "check that the address in the bench file is its own"
 
 
-MOST_KEPT_ERRORS = 100
+MAX_KEPT_ERRORS = 100
 """More than any of these instruments keeps."""
 
 
@@ -103,12 +103,12 @@ def errors_until_none(name: str, next_error: Callable[[], str]) -> list[str]:
 
     Raises InstrumentError where there is no end of them.
     """
-    kept = list(islice(iter(next_error, ""), MOST_KEPT_ERRORS))
-    if len(kept) == MOST_KEPT_ERRORS:
+    kept = list(islice(iter(next_error, ""), MAX_KEPT_ERRORS))
+    if len(kept) == MAX_KEPT_ERRORS:
         raise InstrumentError(
             name,
             "emptied its error queue",
-            f"it still reports {shortened(kept[-1])} after {MOST_KEPT_ERRORS} errors",
+            f"it still reports {shortened(kept[-1])} after {MAX_KEPT_ERRORS} errors",
             "read the instrument's display, then switch it off and on",
         )
     return kept

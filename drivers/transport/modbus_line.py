@@ -67,7 +67,7 @@ SCHEME = "modbus-tcp"
 PORT = 502
 LAST_TRANSACTION = 0xFFFF
 BITS_OF_SILENCE = 3.5 * 11
-LEAST_SILENCE_S = 1.75e-3
+MIN_SILENCE_S = 1.75e-3
 """What ends a frame on a serial line: three and a half characters, by the standard not less."""
 
 
@@ -104,7 +104,7 @@ class ModbusLine(ExchangePort):
         self._tcp = parts.scheme == SCHEME
         self._host, self._tcp_port = parts.hostname or "", (self._tcp and parts.port) or PORT
         self._framer = (FramerSocket if self._tcp else FramerRTU)(DecodePDU(False))
-        self._silence_s = max(BITS_OF_SILENCE / self._framing.baud_rate, LEAST_SILENCE_S)
+        self._silence_s = max(BITS_OF_SILENCE / self._framing.baud_rate, MIN_SILENCE_S)
         self._silent_from_s = -1.0
         self._transaction = 0
         # pymodbus' own log says every fault again, in its own words.

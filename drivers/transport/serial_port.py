@@ -17,7 +17,7 @@ from station.roles import DriverSettings
 CONNECT_DEADLINE_S = 2.0
 WRITE_DEADLINE_S = 0.5
 LARGEST_READ_BYTES = 1 << 16
-MOST_LEFT_BYTES = 1 << 20
+MAX_LEFT_BYTES = 1 << 20
 
 
 BaudRate = Annotated[int, Field(gt=0, description="serial line: bits in a second")]
@@ -103,7 +103,7 @@ class SocketPort:
         """
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
-            for _ in range(MOST_LEFT_BYTES // LARGEST_READ_BYTES):
+            for _ in range(MAX_LEFT_BYTES // LARGEST_READ_BYTES):
                 if not self._socket.recv(LARGEST_READ_BYTES):
                     break
         if self._give_back is None:

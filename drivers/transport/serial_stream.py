@@ -15,7 +15,7 @@ from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_
 from station.errors import reason_of
 from station.roles import Place
 
-LONGEST_FRAME = 1 << 16
+MAX_FRAME = 1 << 16
 
 
 class Split(NamedTuple):
@@ -83,7 +83,7 @@ class SerialStream(KeptFrames[StreamFrame]):
         self._traced("<", data)
         split = self._split(self._pending + data)
         # The beginning of a frame is short; bytes without end must not be kept.
-        self._pending = split.rest[-LONGEST_FRAME:]
+        self._pending = split.rest[-MAX_FRAME:]
         arrival_s = self._clock.now()
         self._keep(StreamFrame(kind, payload, arrival_s) for kind, payload in split.frames)
         if split.skipped:

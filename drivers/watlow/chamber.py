@@ -12,7 +12,7 @@ from drivers.transport.modbus_line import ModbusLine, RegisterLine
 from station.errors import InstrumentError
 from station.roles import Driver, Place, SafetyReading, published, quantity
 
-MOST_AT_ONCE_K = 1.0
+MAX_AT_ONCE_K = 1.0
 SENSIBLE_DEGC = (-200.0, 500.0)
 LOOK_S = 0.1
 TROUBLE_EVERY_S = 60.0
@@ -339,10 +339,10 @@ class Steps:
     stands_at_degC: float
 
     def due_degC(self, time_s: float) -> float:
-        """Return where the set-point belongs, at most `MOST_AT_ONCE_K` from where it stands."""
+        """Return where the set-point belongs, at most `MAX_AT_ONCE_K` from where it stands."""
         way = self.target_degC - self.start_degC
         gone = min(self.rate_K_per_s * (time_s - self.began_s), abs(way))
         change = self.start_degC + math.copysign(gone, way) - self.stands_at_degC
-        change = max(-MOST_AT_ONCE_K, min(change, MOST_AT_ONCE_K))
+        change = max(-MAX_AT_ONCE_K, min(change, MAX_AT_ONCE_K))
         due_degC = self.stands_at_degC + change
         return self.target_degC if math.isclose(due_degC, self.target_degC) else due_degC

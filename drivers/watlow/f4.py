@@ -51,7 +51,7 @@ WITNESS = ((0, 1), (1, 1), (2, 1))
 PROCESS, INPUT_ERROR, ALARMS, HEATS, COOLS = 100, 101, (102, 106), 103, 107
 PROFILE, PROFILE_ACTIVE, MANUAL, TERMINATE = 200, (2, 3), 2, 1217
 TARGET, SET_LOW, SET_HIGH = 300, 602, 603
-DECIMALS, MOST_DECIMALS = 606, 3
+DECIMALS, MAX_DECIMALS = 606, 3
 UNIT, CELSIUS = 901, 1
 INPUTS, ACTIVE_LEVELS = (201, 213, 225, 237), (1061, 1063, 1065, 1067)
 CLOCK, CLOCK_FITS = 1916, ((0, 23), (0, 59), (0, 59), (1, 12), (1, 31), (1990, 2199))
@@ -212,7 +212,7 @@ class WatlowF4(WatlowChamber):
         """Return the counts in a kelvin, read once."""
         if self._per_K is None:
             (decimals,) = line.read(DECIMALS)
-            if decimals > MOST_DECIMALS:
+            if decimals > MAX_DECIMALS:
                 raise self.error(
                     "read the decimals of its temperatures",
                     f"{decimals} came back, which is no number of decimals",

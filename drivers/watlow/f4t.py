@@ -154,7 +154,7 @@ POWER, STANDS_AT, MODE_NOW, PROCESS = 2808, 2810, 2814, 2820
 AUTO, AT_SET_POINT, PER_MINUTE = 10, 85, 57
 UNIT_BY_TCP, UNIT_BY_PORT, CELSIUS = 6730, 14080, 15
 PROFILE_ACTION, PROFILE_STATE, TERMINATE, PROFILE_ACTIVE = 16566, 16568, 148, (149, 146)
-FIRST_ALARM, PER_ALARM, MOST_ALARMS = 1356, 100, 14
+FIRST_ALARM, PER_ALARM, MAX_ALARMS = 1356, 100, 14
 QUIET_ALARMS = (88, 61, 12)
 ALARMS = {7: "high", 8: "low", 28: "error"}
 LIMIT_STATE, LIMIT_STATUS, LIMIT_ERROR, PER_LIMIT, LIMIT_MODULES = 11250, 11264, 11288, 60, 6
@@ -173,7 +173,7 @@ class WatlowF4T(WatlowChamber):
         ramp: Literal["controller", "stepped"] = Field(
             "controller", description="who makes a ramp: the controller, or the driver step by step"
         )
-        alarms: int = Field(4, ge=0, le=MOST_ALARMS, description="how many the controller has")
+        alarms: int = Field(4, ge=0, le=MAX_ALARMS, description="how many the controller has")
         limit_modules: tuple[Annotated[int, Field(ge=1, le=LIMIT_MODULES)], ...] = Field(
             (), description="slots of limit controllers"
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.method.commands import CoilOff, CoilOn, Homing, Power
-from station.procedure import Later, Procedure, Prompt, ResultKind, Step, usual_modules
+from station.procedure import LazyImport, Procedure, Prompt, ResultKind, Step, usual_modules
 from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
 from station.runner.verbs import come_to_rest, record_published, require_off
 
@@ -223,8 +223,8 @@ PROCEDURE = Procedure(
     check=check,
     **usual_modules(__name__),
     work=work,
-    outlook=Later(f"{__name__}.outlook:outlook"),
-    undetermined=Later(f"{__name__}.outlook:undetermined"),
+    outlook=LazyImport(f"{__name__}.outlook:outlook"),
+    undetermined=LazyImport(f"{__name__}.outlook:undetermined"),
     assumptions=(
         "At rest the accelerations on the three axes always make 1 g: K0 and the square terms are "
         "distinguished only as far as the combinations say. A centrifuge would separate them.",

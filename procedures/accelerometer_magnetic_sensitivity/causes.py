@@ -30,14 +30,14 @@ Mask = NDArray[np.bool_]
 RARE = 2.0 * float(ndtr(-4.5))
 """As seldom as this noise may look so much like a cause that it is tried."""
 DOUBTFUL = 2.0 * float(ndtr(-3.0))
-LEAST_PART = 1e-2
+MIN_PART = 1e-2
 """A column with less of its own takes the place of the coefficients it resembles."""
 DEAR = PLACE + 2
 DEARLY = {"plane", "encoder"}
 """Planes, angles and gains go with time, and drift and temperature with all of them."""
-MOST_TRIED = 2
+MAX_TRIED = 2
 FEWEST_LEFT = 6
-MOST_ROWS = 2000
+MAX_ROWS = 2000
 """No line is looked for in a longer record: memory grows with the square."""
 SLOWEST_CYCLES = 4.5
 """What is slower in the record is drift."""
@@ -141,7 +141,7 @@ def causes_to_try(
                 for chance in _chances(columns, solved, rows, suspects, known, inside)
                 if chance[0] < RARE
             ]
-            for _, _, cause in sorted(rare, key=lambda x: x[:2])[:MOST_TRIED]:
+            for _, _, cause in sorted(rare, key=lambda x: x[:2])[:MAX_TRIED]:
                 causes.setdefault(cause.columns.tobytes(), cause)
     return list(causes.values())
 
@@ -213,7 +213,7 @@ def _chances(
 
 def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[float, Cause]:
     """Return by how much the squares fall with a cause, and the cause with what is its own."""
-    own = independent_of(design, cause.columns * inside[:, None], LEAST_PART)
+    own = independent_of(design, cause.columns * inside[:, None], MIN_PART)
     columns = cause.columns[:, list(own)]
     q = thin_qr(np.column_stack((design, columns * inside[:, None])))[0][:, design.shape[1] :]
     return float(np.sum(project(q, left) ** 2)), replace(cause, columns=columns)
@@ -245,7 +245,7 @@ def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tupl
     spacing_s = float(np.median(np.diff(time_s)))
     span = float(time_s[-1] - time_s[0]) / spacing_s
     cycles = np.arange(SLOWEST_CYCLES, 0.5 * span, 0.5) / span
-    if not len(cycles) or spacing_s <= 0.0 or max(count, len(cycles)) > MOST_ROWS:
+    if not len(cycles) or spacing_s <= 0.0 or max(count, len(cycles)) > MAX_ROWS:
         return []
     phase = 2.0 * np.pi * np.outer((time_s - time_s[0]) / spacing_s, cycles)
     waves = np.stack((np.cos(phase), np.sin(phase)))
@@ -255,7 +255,7 @@ def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tupl
     (cc, ss), cs = np.einsum("anc,anc->ac", own, own), np.einsum("nc,nc->c", *own)
     cr, sr = np.einsum("anc,n->ac", own, left)
     determinant = cc * ss - cs**2
-    determined = determinant > (LEAST_PART * count) ** 2
+    determined = determinant > (MIN_PART * count) ** 2
     gains = (ss * cr**2 - 2.0 * cs * cr * sr + cc * sr**2) / np.where(determined, determinant, 1.0)
     best = int(np.argmax(np.where(determined, gains, 0.0)))
     if not determined[best]:

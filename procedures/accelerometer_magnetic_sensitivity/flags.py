@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.flags import (
-    MOST_LISTED,
+    MAX_LISTED,
     excitation_flags,
     frozen,
     gaps_of,
@@ -57,8 +57,8 @@ def data_flags(
     ]
     if rejected:
         reasons = list(dict.fromkeys(left.reason for left in rejected))
-        shown = ", ".join(str(left.row) for left in rejected[:MOST_LISTED])
-        more = " and more" if len(rejected) > MOST_LISTED else ""
+        shown = ", ".join(str(left.row) for left in rejected[:MAX_LISTED])
+        more = " and more" if len(rejected) > MAX_LISTED else ""
         yield Flag(
             "outliers-rejected",
             f"{len(rejected)} of {len(dataset)} rows were left out ({'; '.join(reasons)}): "

@@ -27,7 +27,7 @@ LARGEST_FIELD_T = 3.0
 FINEST = 720
 NEAR_DEG = 0.02
 NEAR_PART = 0.02
-MOST_OFF = 0.1
+MAX_OFF = 0.1
 LARGEST_OFFSET_DEG = 1.0
 
 Array = NDArray[np.float64]
@@ -119,6 +119,6 @@ def _on_marks(theta_deg: Array, step_deg: float, with_offset: bool) -> Array | N
         turn = turn - offset
     mark = np.rint(turn / step_deg) * step_deg
     near = np.abs(turn - mark) <= min(NEAR_DEG, NEAR_PART * step_deg)
-    if float(np.mean(near)) < 1.0 - MOST_OFF:
+    if float(np.mean(near)) < 1.0 - MAX_OFF:
         return None
     return np.where(near, np.round(np.mod(mark, 360.0), 12), np.nan)

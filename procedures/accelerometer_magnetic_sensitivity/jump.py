@@ -33,7 +33,7 @@ LARGEST_DEG, STEP_DEG = 12.0, 1.0
 """How far a jump is looked for, and how finely at first."""
 FINER_DEG = (0.1, 0.005)
 """The square of the last is 0.004 µV at 1 V/g: from there on the solution finds the angle."""
-MOST_POLISHED = 4
+MAX_POLISHED = 4
 SAME_ANGLE_DEG = 0.05
 TOLD_PART = 1e-6
 """A jump whose column has less of its own cannot be distinguished from the coefficients."""
@@ -137,7 +137,7 @@ def find_jumps(
         polished = []
         for order, angle_rad in ((-gain, small_rad), (lowest, large_rad)):
             best = np.argsort(np.where(kind, order, np.inf))
-            for suspect in best[: min(MOST_POLISHED, int(kind.sum()))]:
+            for suspect in best[: min(MAX_POLISHED, int(kind.sum()))]:
                 rows = suspects.rows(int(suspect))
 
                 def squares(added_rad: float, rows: Mask = rows) -> float:

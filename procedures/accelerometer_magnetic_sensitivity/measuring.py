@@ -20,7 +20,7 @@ from .parameters import AccelerometerParameters, Point
 from .work import (
     FIELD_LOOK_S,
     GAUSSMETER,
-    MOST_RANGES,
+    MAX_RANGES,
     MULTIMETER,
     STAGE,
     THERMOMETER,
@@ -117,7 +117,7 @@ def measure(run: Run, point: Point, doing: str) -> None:
     }
     with run.unit(point.unit, **details):
         record_angle(run, point)
-        for _ in range(MOST_RANGES):
+        for _ in range(MAX_RANGES):
             if not read_output(run, point.unit, doing):
                 return
             widen(run, point.unit)

@@ -20,9 +20,9 @@ AngleStep = Annotated[float, Unit("deg"), Field(gt=0, le=180)]
 PUBLISHED_ANGLE_STEP_DEG = 15.0
 EFFICIENT_ANGLE_STEP_DEG = 40.0
 """Nine angles: as efficient a reading as many, and enough to tell the third order apart."""
-MOST_POINTS = 20000
+MAX_POINTS = 20000
 """Three days and nights, at twelve seconds a point."""
-MOST_STEPS = 3600
+MAX_STEPS = 3600
 _BEFORE_REPEATS = {"planes", "design", "largest_field_mT", "lowest_field_mT", "field_step_mT"} | {
     "fields_mT",
     "angle_step_deg",
@@ -136,8 +136,8 @@ class AccelerometerParameters(StrictModel):
         if step_mT is None or largest_mT is None:
             return step_mT
         steps = (largest_mT - (info.data.get("lowest_field_mT") or 0.0)) / step_mT
-        if steps > MOST_STEPS:
-            raise ValueError(f"the range of the field holds more than {MOST_STEPS} of it")
+        if steps > MAX_STEPS:
+            raise ValueError(f"the range of the field holds more than {MAX_STEPS} of it")
         if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
             raise ValueError(f"the range of the field holds {steps:.4g} of it, not a whole number")
         return step_mT
@@ -164,8 +164,8 @@ class AccelerometerParameters(StrictModel):
         """Refuse a step that does not divide the circle: the angle is changed evenly to 360 deg."""
         if step_deg is not None and abs(360.0 / step_deg - round(360.0 / step_deg)) > 1e-6:
             raise ValueError("must divide 360 deg into equal parts")
-        if step_deg is not None and 360.0 / step_deg > MOST_STEPS:
-            raise ValueError(f"divides 360 deg into more than {MOST_STEPS} parts")
+        if step_deg is not None and 360.0 / step_deg > MAX_STEPS:
+            raise ValueError(f"divides 360 deg into more than {MAX_STEPS} parts")
         return step_deg
 
     @field_validator("angles_deg")
@@ -190,9 +190,9 @@ class AccelerometerParameters(StrictModel):
         if info.data.keys() >= _BEFORE_REPEATS:
             once = cls.model_construct(None, **info.data)
             points = len(once.planes) * len(once.angle_levels_deg) * len(once.field_levels_mT)
-            if points * repeats > MOST_POINTS:
+            if points * repeats > MAX_POINTS:
                 raise ValueError(
-                    f"{points * repeats} points in all are too many; {MOST_POINTS} are the most"
+                    f"{points * repeats} points in all are too many; {MAX_POINTS} are the most"
                 )
         return repeats
 

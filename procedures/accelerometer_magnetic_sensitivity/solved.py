@@ -21,7 +21,7 @@ PLACE = 3
 many places one always explains something."""
 RARE = 1e-6
 FEWEST_LEFT = 6
-MOST_GROUPS = 500
+MAX_GROUPS = 500
 FEWEST_OF_A_GROUP = 20
 UNEVEN_SIGMAS = 5.0
 PARTS = 3
@@ -184,7 +184,7 @@ def misfit(solved: Solved, groups: Mapping[str, NDArray[np.str_]]) -> Misfit | N
     worst: Misfit | None = None
     for what, names in groups.items():
         labels, number = np.unique(names[kept], return_inverse=True)
-        if len(labels) > min(MOST_GROUPS, len(left) // 2):
+        if len(labels) > min(MAX_GROUPS, len(left) // 2):
             continue
         member = np.eye(len(labels))[number]
         own = member - q @ (q.T @ member)

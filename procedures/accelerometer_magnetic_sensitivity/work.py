@@ -33,8 +33,8 @@ LARGEST_G = 1.1
 FULL_TURN_DEG = 360.0
 LOOK_S = 0.25
 FIELD_LOOK_S = 0.5
-MOST_RANGES = 3
-LONGEST_LOOK_S = 2.0
+MAX_RANGES = 3
+MAX_LOOK_S = 2.0
 HOMING_S, TURN_S, RAMP_S = 10.0, 0.75, 0.4
 RAMP_MT_PER_S, TURN_DEG_PER_S = 25.0, 20.0
 """A supply of 5 A/s at a coil of 5 mT/A; a stage of the usual rate."""
@@ -140,7 +140,7 @@ def point_s(
         still_s += degauss_s(parameters)
         way_s += abs(before.field_mT) / RAMP_MT_PER_S + degauss_ramps_s(parameters)
     waits_s = parameters.dwell.at_most_s - parameters.dwell.at_least_s
-    bursts_s = (MOST_RANGES - 1) * burst_s(parameters) + MOST_RANGES * LONGEST_LOOK_S
+    bursts_s = (MAX_RANGES - 1) * burst_s(parameters) + MAX_RANGES * MAX_LOOK_S
     looks = Duration(FIELD_LOOK_S + LOOK_S, 0.0, waits_s + 2.0 * FIELD_LOOK_S + bursts_s)
     return still_s, looks + on_the_way(way_s + way_mT / RAMP_MT_PER_S)
 

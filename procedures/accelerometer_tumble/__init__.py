@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from station.errors import InputError
 from station.fields import StrictModel
-from station.procedure import Later, Problem, Procedure, ResultKind
+from station.procedure import LazyImport, Problem, Procedure, ResultKind
 
 if TYPE_CHECKING:
     from station.findings import Findings
@@ -53,11 +53,11 @@ PROCEDURE = Procedure(
     steps=(),
     instruments=lambda parameters: (),
     evaluate_run=no_run,
-    evaluate_dataset=Later(f"{__name__}.evaluate:findings_of_dataset"),
+    evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
     check=check,
     assumptions=(
         "An encoder's first harmonic beyond its statement, and a mounting that was taken for "
         "another throughout, have the shape of coefficients: no reading shows them.",
     ),
-    conditions=Later(f"{__name__}.from_import:Conditions").get,
+    conditions=LazyImport(f"{__name__}.from_import:Conditions").get,
 )

@@ -26,7 +26,7 @@ STEP_GAIN = 30.0
 """What a step must lower -2 ln L by, searched for at every reading."""
 FEWEST_BESIDE_STEP = 3
 SMALLEST_NOISE_V = 1e-12
-MOST_WILD = 0.1
+MAX_WILD = 0.1
 """More than this part of the readings is not wild: the model does not follow them."""
 ENCODER, MOUNTING = "encoder", "mounting"
 
@@ -130,7 +130,7 @@ def solve(dataset: TumbleDataset, kept: tuple[str, ...], settings: AnalysisSetti
         # A drift explains part of a step: what lies outside is judged with both.
         inside = keep_inliers(np.column_stack((full, after)), output, settings.outlier)
         model = np.column_stack((model, after))
-    if np.mean(~inside) > MOST_WILD:
+    if np.mean(~inside) > MAX_WILD:
         inside = np.ones(rows, dtype=bool)
     chosen = _choose(model, slow, names, beside, output, inside)
     names, slow = _taken(names, slow, chosen)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from station.errors import InputError
 from station.method.work import Work
 from station.procedure import (
-    Later,
+    LazyImport,
     Problem,
     Procedure,
     Prompt,
@@ -193,7 +193,7 @@ PROCEDURE = Procedure(
     work=work,
     measured_axes=measured_axes,
     fits=fits,
-    files=Later(f"{__name__}.evaluate:files_of_run"),
+    files=LazyImport(f"{__name__}.evaluate:files_of_run"),
     assumptions=(
         "The probe's axes stand along the coils' as its prompt asks: a probe turned by a small "
         "angle shows as a part across the axes of all coils.",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from station.method.work import Work
 from station.procedure import (
-    Later,
+    LazyImport,
     Problem,
     Prompt,
     RecordUse,
@@ -52,7 +52,7 @@ class Part:
     results: Mapping[str, ResultKind]
     instruments: Callable[[Any], tuple[str, ...]]
     work: Callable[[Any], Iterable[Work]]
-    findings: Later
+    findings: LazyImport
     is_possible: Callable[[Bench], bool]
     prompts: Callable[[Any], tuple[Prompt, ...]] = no_prompts
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
@@ -60,7 +60,7 @@ class Part:
     fits: Callable[[Bench], Iterable[str]] = no_lines
     drift: Mapping[str, float] = field(default_factory=dict)
     short: tuple[str, ...] = ()
-    completes: Later | None = None
+    completes: LazyImport | None = None
     measured_axes: Callable[[Any], Mapping[str, tuple[str, ...]]] = every_axis
     may_stand: frozenset[str] = frozenset()
     touches: bool = True

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-MOST_KEPT = 2**19
+MAX_KEPT = 2**19
 """Rows of a long record that the alignment holds in memory; fewer are all held."""
 
 
@@ -57,9 +57,9 @@ def align_pieces(pieces: Iterable[tuple[Array, Array]], nominal_rate: float) -> 
         arrivals += len(np.unique(arrival_s))
         touching.append(piece)
         seen.append(piece)
-        if sum(map(len, touching)) > MOST_KEPT:
+        if sum(map(len, touching)) > MAX_KEPT:
             touching = [possible_vertices(np.concatenate(touching), nominal_rate)]
-        if sum(map(len, seen)) > MOST_KEPT:
+        if sum(map(len, seen)) > MAX_KEPT:
             seen = [rows[:: 2 if len(rows) > 1 else 1] for rows in seen]
     centre = total / rows
     counter, arrival_s = np.concatenate(touching).T

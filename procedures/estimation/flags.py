@@ -21,7 +21,7 @@ SEEN = 0.1
 
 
 NOT_IDENTIFIABLE = "not-identifiable"
-MOST_LISTED = 12
+MAX_LISTED = 12
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,8 @@ def counted(count: int, noun: str) -> str:
 
 def rows_listed(rows: Sequence[int]) -> str:
     """Return the first rows as text, `rows 3, 7, 12 and more, counted from 0`."""
-    shown = ", ".join(str(row) for row in rows[:MOST_LISTED])
-    more = " and more" if len(rows) > MOST_LISTED else ""
+    shown = ", ".join(str(row) for row in rows[:MAX_LISTED])
+    more = " and more" if len(rows) > MAX_LISTED else ""
     return f"rows {shown}{more}, counted from 0"
 
 

@@ -32,7 +32,7 @@ USUALLY_NEW = 0.5
 CHANCE_OF_ROWS = 1e-6
 CHANCE_OF_RECORD = 1e-7
 """That sound rows, or a sound record, count as frozen."""
-LEAST_ROWS = 12
+MIN_ROWS = 12
 _FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
 
 
@@ -88,7 +88,7 @@ def stuck_rows(values: Array, step: float) -> tuple[int, int] | None:
 
     None where noise and the channel's steps make such a stretch by themselves.
     """
-    if len(values) < 4 * LEAST_ROWS:
+    if len(values) < 4 * MIN_ROWS:
         return None
     chance = _chance_of_equal(values, step)
     if chance > 0.9:
@@ -100,7 +100,7 @@ def stuck_rows(values: Array, step: float) -> tuple[int, int] | None:
         return None
     lengths = edges[1::2] - edges[::2]
     longest = int(np.argmax(lengths))
-    if lengths[longest] < max(needed, LEAST_ROWS):
+    if lengths[longest] < max(needed, MIN_ROWS):
         return None
     first = int(edges[2 * longest])
     return first, first + int(lengths[longest]) + 1
@@ -111,13 +111,13 @@ def repeated_rows(values: Array, step: float) -> tuple[int, int, int] | None:
 
     None where noise and the channel's steps make such a stretch by themselves.
     """
-    if len(values) < 4 * LEAST_ROWS or step == 0.0:
+    if len(values) < 4 * MIN_ROWS or step == 0.0:
         return None
     chance = _chance_of_equal(values, step)
     if chance > 0.9:
         return None
     width = math.ceil(math.log(CHANCE_OF_RECORD / len(values) ** 2) / math.log(chance))
-    width = max(width, LEAST_ROWS)
+    width = max(width, MIN_ROWS)
     if len(values) < 4 * width:
         return None
     level = np.rint((values - np.min(values)) / step).astype(np.uint64)

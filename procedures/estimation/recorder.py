@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 JUMP_SIGMAS = 8.0
 HARMONICS = range(1, 5)
-LEAST_STRENGTH = 0.2
+MIN_STRENGTH = 0.2
 """Of the first harmonic without noise. Monte Carlo at 23 to 23.5 pulses an interval: with 0.64 and
 0.42 left of a harmonic that stands still the 95 % interval covers 92 % and 86 %, with 0.09 it
 covers 95 %."""
@@ -146,7 +146,7 @@ def find_beat(
     noise_arcsec = 60.0 * walk_deg_per_sqrt_h * math.sqrt(interval_s)
     for harmonic in HARMONICS:
         left = strength(harmonic, pulse_arcsec, noise_arcsec)
-        if left < LEAST_STRENGTH:
+        if left < MIN_STRENGTH:
             continue
         at_Hz = folded_Hz(harmonic * rate_deg_per_h / pulse_arcsec, interval_s)
         blur = 2.0 * math.pi * harmonic * noise_arcsec / pulse_arcsec

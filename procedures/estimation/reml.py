@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 
-MOST_STEPS = 60
+MAX_STEPS = 60
 CLOSE = 1e-4
 """Standard uncertainties by which a step may still move a component when the search ends."""
 
@@ -102,7 +102,7 @@ def fit(
     if held is not None:
         theta[held[0]] = held[1]
     now = components_at(stretches, theta)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         aim = _step(stretches, now, held)
         length = 1.0
         while True:

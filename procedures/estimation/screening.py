@@ -17,9 +17,9 @@ Index = NDArray[np.int64]
 
 AROUND = 31
 """Samples whose median a sample is held against."""
-LONGEST_RUN = 20
+MAX_RUN = 20
 FAR = 8.0
-LONG_GAP, LONGEST_GAP = 0.02, 300
+LONG_GAP, MAX_GAP = 0.02, 300
 """Part of a record, and samples, that a gap may be to be bridged; a longer one divides it."""
 
 
@@ -42,7 +42,7 @@ class Screened:
         good = np.flatnonzero(np.isfinite(self.rate))
         if not len(good):
             return []
-        longest = min(LONGEST_GAP, max(1.0, LONG_GAP * len(self.rate)))
+        longest = min(MAX_GAP, max(1.0, LONG_GAP * len(self.rate)))
         cuts = np.flatnonzero(np.diff(good) - 1 > longest)
         firsts, lasts = good[np.r_[0, cuts + 1]], good[np.r_[cuts, len(good) - 1]]
         return [self.rate[a : b + 1] for a, b in zip(firsts, lasts, strict=True)]
@@ -93,7 +93,7 @@ def _runs(rate: Array, step: float) -> Mask:
     starts = np.flatnonzero(np.r_[True, rate[1:] != rate[:-1]])
     lengths = np.diff(np.r_[starts, count])
     equal = float(np.mean(rate[1:] == rate[:-1])) if count > 1 else 0.0
-    longest = LONGEST_RUN
+    longest = MAX_RUN
     if len(starts) > 1 and 0.0 < equal < 1.0:
         # Among short runs: how often a sample equals the one before it, without frozen stretches.
         short = lengths <= np.percentile(lengths, 99)

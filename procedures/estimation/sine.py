@@ -12,7 +12,7 @@ from .linear import least_squares
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MOST_TURNS = 2**21
+_MAX_TURNS = 2**21
 """Phase factors that are in memory at once: 32 MB."""
 
 
@@ -78,7 +78,7 @@ def coarse_frequency(time_s: Array, data: Array, start_Hz: float, reach_Hz: floa
         return start_Hz
     moved: Array | Complex = data - np.mean(data)
     origin_Hz, together = 0.0, 1
-    if len(grid) * len(time_s) > _MOST_TURNS:
+    if len(grid) * len(time_s) > _MAX_TURNS:
         together = max(int(len(time_s) / (8.0 * reach_Hz * span_s)), 1)
     if together > 1:
         origin_Hz = start_Hz
@@ -86,7 +86,7 @@ def coarse_frequency(time_s: Array, data: Array, start_Hz: float, reach_Hz: floa
         turned = moved * np.exp(-2j * np.pi * start_Hz * time_s)
         moved = turned[:whole].reshape(-1, together).mean(axis=1)
         time_s = time_s[:whole].reshape(-1, together).mean(axis=1)
-    rows = max(_MOST_TURNS // len(time_s), 1)
+    rows = max(_MAX_TURNS // len(time_s), 1)
     power = np.empty(len(grid))
     for first in range(0, len(grid), rows):
         part = slice(first, first + rows)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from station.errors import ConditionNotReached
 from station.method.commands import Power
 from station.method.motion import ChamberOn
-from station.procedure import Later, Procedure, Prompt, ResultKind, Step, usual_modules
+from station.procedure import LazyImport, Procedure, Prompt, ResultKind, Step, usual_modules
 
 from .bench_work import PROOF, RAMP, RANDOM, SOAK, WARM_UP, BenchWork
 from .parameters import SECONDS_PER_HOUR, FogParameters
@@ -269,12 +269,12 @@ PROCEDURE = Procedure(
     instruments=instruments,
     records=records,
     prompts=prompts,
-    check=Later(f"{__name__}.outlook:check"),
+    check=LazyImport(f"{__name__}.outlook:check"),
     **usual_modules(__name__),
-    inputs=Later(f"{__name__}.from_import:inputs"),
-    files=Later(f"{__name__}.compensation:files_of"),
+    inputs=LazyImport(f"{__name__}.from_import:inputs"),
+    files=LazyImport(f"{__name__}.compensation:files_of"),
     work=work,
-    outlook=Later(f"{__name__}.outlook:outlook"),
+    outlook=LazyImport(f"{__name__}.outlook:outlook"),
     measured_axes=measured_axes,
     assumptions=(
         "The curve is that of the ramp's direction and rate. Hysteresis between heating and "

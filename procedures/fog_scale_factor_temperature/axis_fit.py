@@ -23,7 +23,7 @@ FURTHER_ORDERS, OTHER_ORDERS = 2, 3
 """Above the chosen one: what may be there in a gap, and what counts beside it everywhere."""
 WIDE = 2.0
 """Times the threshold of the flag: from such a width on no value is given within."""
-LEAST_NOISE = 0.5
+MIN_NOISE = 0.5
 """Of what is called noise at least: readings that all round alike have none, and are not exact."""
 
 
@@ -176,7 +176,7 @@ def fit_axis(
     if problem.paired:
         left = problem.data - design[:, biases:] @ fit.coefficients[biases:]
         noise, free = noise_of_sets(turns, kept, left, solved.order + 1) or (noise, free)
-    noise = max(noise, LEAST_NOISE * floor_ppm)
+    noise = max(noise, MIN_NOISE * floor_ppm)
     bias_ppm = 0.0
     if not problem.paired:
         bias_ppm = gyro_bias_deg_per_h * float(np.mean(turns.by_bias_ppm))

@@ -34,7 +34,7 @@ from .verification import Driven, Verified
 TABLE_STEP_DEGC = 5.0
 COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
 GRID = 201
-MOST_POINTS = 3000
+MAX_POINTS = 3000
 EDGE_SIGMA = 5.0
 ROOM = 1.15
 
@@ -223,7 +223,7 @@ def temperatures(dataset: FogDataset) -> Figure:
     figure = new_figure(2.7)
     axes = figure.add_subplot()
     for name, readings in dataset.history.items():
-        step = max(1, len(readings) // MOST_POINTS)
+        step = max(1, len(readings) // MAX_POINTS)
         time_h = readings[::step, 0] / SECONDS_PER_HOUR
         colour = COLOURS.get(name.removeprefix("gyro "), INK)
         axes.plot(time_h, readings[::step, 1], color=colour, linewidth=1.1, label=name)
@@ -329,7 +329,7 @@ def drive(driven: Driven, reference_deg: Array | None) -> Figure:
     """Draw how far the integrated headings lie apart, and from the reference where there is one."""
     figure = new_figure(2.7)
     axes = figure.add_subplot()
-    step = max(1, len(driven.time_s) // MOST_POINTS)
+    step = max(1, len(driven.time_s) // MAX_POINTS)
     minutes = (driven.time_s[::step] - driven.time_s[0]) / 60.0
     if reference_deg is None:
         apart = (driven.raw_deg - driven.compensated_deg)[::step]

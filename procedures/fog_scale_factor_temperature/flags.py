@@ -21,13 +21,13 @@ DRIVE_BEYOND, LARGE_DEG = 5.0, 1.0
 PAIRED_HEAP, SINGLE_HEAP = 3, 4
 """As many neighbouring sets without a good turn are no chance."""
 LARGEST_PPM = 10_000.0
-BIASES, LEAST_BIAS_DEG_PER_H = 10.0, 1.0
+BIASES, MIN_BIAS_DEG_PER_H = 10.0, 1.0
 """Gyro biases as specified, and a bias, beyond which the bias in the turns is another one."""
 FEW_SETS = 3 * PUBLISHED_ORDER
 """With no more of them, what is called noise may be a curve of a higher order than they carry."""
 SMOOTH, FEWEST_SETS = 0.3, 10
 """Of a difference within sets: the square of its steps over its own, 2 for noise."""
-MOST, MOST_SIGMA, PLAINLY = 0.85, 1.44, 0.75
+MOST, MAX_SIGMA, PLAINLY = 0.85, 1.44, 0.75
 """Of the turns, how far the outermost of them lies in standard deviations, and how much of a noise
 beyond the stated one they have to show: what a few turns make alone is no noise."""
 SPEEDS = 1.6
@@ -248,7 +248,7 @@ def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag
         fit.paired
         and spec
         and bias is not None
-        and abs(bias) > max(BIASES * spec, LEAST_BIAS_DEG_PER_H)
+        and abs(bias) > max(BIASES * spec, MIN_BIAS_DEG_PER_H)
     ):
         bias_text = (
             f"The bias in the turns about {turns.axis} is {bias:.3g} deg/h, the stated one "
@@ -268,7 +268,7 @@ def _commands(turns: AxisTurns, sensing: Mask) -> list[Mask]:
 def _usual_ppm(fit: AxisFit) -> float:
     """Return the noise of a turn by what most turns leave: a few wild ones make none."""
     left = np.abs(fit.residual_ppm[fit.kept & np.isfinite(fit.residual_ppm)])
-    return float(np.quantile(left, MOST)) / MOST_SIGMA if len(left) else 0.0
+    return float(np.quantile(left, MOST)) / MAX_SIGMA if len(left) else 0.0
 
 
 def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettings) -> list[Flag]:

@@ -17,17 +17,17 @@ from station.findings import Flag, contradiction
 
 from .dataset import AXES, PPM, Array, FogDataset, Mask, TurnTable, turn_errors_deg
 
-MOST_ROWS = 12
+MAX_ROWS = 12
 """Beside their own: how far columns are looked for."""
 FEWEST = 24
 SMOOTHER = 0.5
 """Times as jagged as in the stated rows, at most, that readings are in the rows of their own."""
-LEAST_JAGGED_DEGC = 0.02
+MIN_JAGGED_DEGC = 0.02
 ALIKE = 1.5
 LESS_COMMON = 0.2
 """Of what the turns of both senses share as stated, where the headings are in their rows."""
-LEAST_COMMON_PPM = 10.0
-LEAST_STEP_DEGC, STEP_SPREADS, STEP_RESOLUTIONS = 0.5, 12.0, 3.0
+MIN_COMMON_PPM = 10.0
+MIN_STEP_DEGC, STEP_SPREADS, STEP_RESOLUTIONS = 0.5, 12.0, 3.0
 FEWEST_SETS = 10
 SIDES = ("before", "after")
 
@@ -77,10 +77,10 @@ def _late_temperatures(table: TurnTable, side: str) -> int:
     heat: Array = getattr(table, f"temperature_{side}_degC")
     time_s: Array = getattr(table, f"{side}_s")
     jagged = {
-        rows: _jagged(table.axis, time_s, heat, rows) for rows in range(-MOST_ROWS, MOST_ROWS + 1)
+        rows: _jagged(table.axis, time_s, heat, rows) for rows in range(-MAX_ROWS, MAX_ROWS + 1)
     }
     best = min(jagged.values())
-    if best >= SMOOTHER * jagged[0] or jagged[0] < LEAST_JAGGED_DEGC:
+    if best >= SMOOTHER * jagged[0] or jagged[0] < MIN_JAGGED_DEGC:
         return 0
     # Whole sets or pairs more or less are as smooth, and some rows late as so many early.
     return min(abs(rows) for rows in jagged if jagged[rows] <= ALIKE * best)
@@ -110,7 +110,7 @@ def _wild(off: list[Array]) -> float:
 def _late_headings(table: TurnTable, dataset: FogDataset) -> int:
     """Return how many rows away headings fit at least, 0 where they may stand right."""
     common = {}
-    for rows in range(-MOST_ROWS, MOST_ROWS + 1):
+    for rows in range(-MAX_ROWS, MAX_ROWS + 1):
         own, stated = _placed(len(table), rows)
         moved = replace(
             table.of(own),
@@ -122,7 +122,7 @@ def _late_headings(table: TurnTable, dataset: FogDataset) -> int:
             common[rows] = shared
     if 0 not in common:
         return 0
-    if common[0] <= LEAST_COMMON_PPM:
+    if common[0] <= MIN_COMMON_PPM:
         return 0
     near = (abs(rows) for rows, shared in common.items() if shared < LESS_COMMON * common[0])
     return min(near, default=0)
@@ -169,7 +169,7 @@ def _steps(name: str, table: TurnTable) -> Iterator[Flag]:
         spread = 1.4826 * float(np.median(np.abs(before))) * usual_s
         resolution = float(np.min(np.diff(values), initial=np.inf))
         resolution = resolution if np.isfinite(resolution) else 0.0
-        least = max(LEAST_STEP_DEGC, STEP_SPREADS * spread, STEP_RESOLUTIONS * resolution)
+        least = max(MIN_STEP_DEGC, STEP_SPREADS * spread, STEP_RESOLUTIONS * resolution)
         worst = int(np.argmax(beyond))
         if beyond[worst] <= least:
             continue

@@ -37,7 +37,7 @@ DISAGREES = 2.0
 EARTH_RATE_DEG_PER_H = 15.041067
 LEVEL_TIME_S = 60.0
 LARGEST_ERROR_DEG = 20.0
-LEAST_U_DEG = 1e-6
+MIN_U_DEG = 1e-6
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def evaluate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Driven:
         compensated_deg=better,
         raw_error_deg=errors[0] if closes else None,
         compensated_error_deg=errors[1] if closes else None,
-        noise_u_deg=max(_noise_deg(drive), LEAST_U_DEG),
+        noise_u_deg=max(_noise_deg(drive), MIN_U_DEG),
         model_u_deg=model,
         by_bias_deg=by_bias,
         duration_h=float(np.ptp(drive.time_s)) / SECONDS_PER_HOUR,

@@ -45,7 +45,7 @@ EXPECTED_LAG_S = 2520.0
 PROVED_WITHIN_DEGC = 2.0
 """So near to where the first turns were made the proof begins and ends; nearer takes hours."""
 APPROACH_S = 2700.0
-LEAST_LEFT_DEGC = 0.1
+MIN_LEFT_DEGC = 0.1
 CHAMBER_EVERY_S = 30.0
 LOOK_S = 8.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little. A run
@@ -113,7 +113,7 @@ def proving(parameters: FogParameters, rule: Verification) -> Duration:
     """
     rate, most_s = rule.ramp_rate_degC_per_h, parameters.chamber_at_most_s
     behind_degC = _behind_degC(parameters, rate)
-    near_degC = max(PROVED_WITHIN_DEGC - left_degC(parameters), LEAST_LEFT_DEGC)
+    near_degC = max(PROVED_WITHIN_DEGC - left_degC(parameters), MIN_LEFT_DEGC)
     back = _within(0.0, most_s)
     if rule.direction == "down":
         after_s = _until_s(behind_degC, near_degC)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from station.errors import InputError
 from station.fields import StrictModel
-from station.procedure import Later, Problem, Procedure, ResultKind
+from station.procedure import LazyImport, Problem, Procedure, ResultKind
 
 from .units import AXES, UNITS
 
@@ -48,9 +48,9 @@ PROCEDURE = Procedure(
     steps=(),
     instruments=lambda parameters: (),
     evaluate_run=no_run,
-    evaluate_dataset=Later(f"{__name__}.evaluate:findings_of_dataset"),
+    evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
     check=check,
-    report=Later(f"{__name__}.figures:draw_parts"),
+    report=LazyImport(f"{__name__}.figures:draw_parts"),
     assumptions=(
         "The curve is the bias at rest in the middle of its hysteresis loop, against the "
         "temperature that the thermometer reads: its offset is not in u.",
@@ -58,5 +58,5 @@ PROCEDURE = Procedure(
         "of temperature are one: the stated prior of the lag decides between them.",
         "Another switch-on has another bias: its repeatability is in no u here.",
     ),
-    conditions=Later(f"{__name__}.from_import:Conditions").get,
+    conditions=LazyImport(f"{__name__}.from_import:Conditions").get,
 )

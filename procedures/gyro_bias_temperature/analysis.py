@@ -19,11 +19,11 @@ from .results import estimates_of
 from .soaks import soaks_of
 
 SETTINGS = AnalysisSettings()
-LEAST_RANGE_DEGC = 2.0
+MIN_RANGE_DEGC = 2.0
 FEWEST_ROWS = 60
 FAR = 1e9
 """Standard deviations beyond which a row is wild before there is a solution: none is."""
-MOST_ROUNDS = 3
+MAX_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def analyse(
 def passed_both_ways(temperature: Array) -> bool:
     """Return whether a fifth of the range of temperatures (n,) was passed warming and cooling."""
     low, high = float(temperature.min()), float(temperature.max())
-    if high - low < LEAST_RANGE_DEGC:
+    if high - low < MIN_RANGE_DEGC:
         return False
     places = np.linspace(low, high, 101)
     up = np.zeros(len(places), dtype=bool)
@@ -107,12 +107,12 @@ def _solved(
     screened = screen(time_s, own, interval_s, 0.0, FAR)
     rate = _filled(screened.rate)
     enough = len(screened.there) >= FEWEST_ROWS
-    if not enough or float(np.ptp(setting.temperature)) < LEAST_RANGE_DEGC:
+    if not enough or float(np.ptp(setting.temperature)) < MIN_RANGE_DEGC:
         return screened, rate, None
     fit = fit_bias(rate, setting)
     there, grid_s = np.isfinite(screened.rate), interval_s * np.arange(float(len(rate)))
     wild = 0
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         left = (screened.rate - fit.fitted)[there]
         around = screen(grid_s[there], left, interval_s, 0.0, beyond)
         if around.wild == wild:

@@ -12,11 +12,11 @@ from .thermal import lagged
 
 SHORTEST_ROWS = 0.2
 """Of an interval: a lag below it cannot be distinguished from none."""
-LONGEST_PART = 0.3
+MAX_PART = 0.3
 """Of the record: a longer lag has no end to be seen."""
 IN_A_ROW = 0.005
 """Of an interval: what rows that are means leave unknown of the corners of a ramp."""
-LEAST_RANGE = 2.0
+MIN_RANGE = 2.0
 
 
 def chamber_lag(gyro: Array, chamber: Array, interval_s: float) -> Measured | None:
@@ -24,7 +24,7 @@ def chamber_lag(gyro: Array, chamber: Array, interval_s: float) -> Measured | No
 
     The two may differ by a constant, and begin apart. None where the chamber hardly moved.
     """
-    if float(np.ptp(chamber)) < LEAST_RANGE:
+    if float(np.ptp(chamber)) < MIN_RANGE:
         return None
     time_s = interval_s * np.arange(len(gyro))
 
@@ -37,7 +37,7 @@ def chamber_lag(gyro: Array, chamber: Array, interval_s: float) -> Measured | No
         target = gyro - lagged(chamber, float(np.exp(log_lag)), interval_s)
         return np.asarray(target - own @ np.linalg.lstsq(own, target, rcond=None)[0])
 
-    shortest, longest = SHORTEST_ROWS * interval_s, LONGEST_PART * float(time_s[-1])
+    shortest, longest = SHORTEST_ROWS * interval_s, MAX_PART * float(time_s[-1])
     grid = np.linspace(np.log(shortest), np.log(longest), 25)
     squares = [float(np.sum(left(float(tried)) ** 2)) for tried in grid]
     at = int(np.argmin(squares))

@@ -26,14 +26,14 @@ from .thermal import lagged, loop, rate_per_minute
 HIGHEST_ORDER = 9
 FEWER, MORE = 2, 3
 """Orders below and above the likeliest whose solutions are mixed with its own."""
-LEAST_SHARE = 1e-3
+MIN_SHARE = 1e-3
 FIRST_ORDER = 4
 NARROW, WIDE, WIDEST, USUAL_DEGC = 0.02, 0.15, 0.4, 8.0
 """Part of the range of temperature that the half width of a loop may be: wider ones look like the
 curve. In a small range a usual width of 8 degC, if it is not nearly all of it."""
 WIDTHS, NEAR, FINER = 12, 7, 1.3
-MOST_ROUNDS, SETTLED = 8, 0.5
-LONGEST_LAG = 5.0
+MAX_ROUNDS, SETTLED = 8, 0.5
+MAX_LAG = 5.0
 """The lag, in standard uncertainties of what is known of it beforehand."""
 WALK_ALLOWED = 0.7
 """Standard uncertainties by which the random walk may be larger than estimated, for u."""
@@ -42,7 +42,7 @@ PASSED = 0.2
 ALONE = 0.02
 """Part of a column that the others must leave for it to count as determined."""
 STEP = 0.02
-LEAST_LAG = 0.01
+MIN_LAG = 0.01
 """Of an interval: what is known of a lag beforehand where it is stated to be none."""
 WALK_MEAN = 1.0 / 3.0
 """Variance of the mean of a random walk from zero, over that of its end."""
@@ -163,7 +163,7 @@ def fit_bias(rate: Array, setting: Setting) -> BiasFit:
         widths = np.geomspace(widths[0], widest, WIDTHS)
     lag_s, width = 0.3 * setting.lag_prior_s, 0.08 * (high - low)
     order, best = FIRST_ORDER, fit([stretch(FIRST_ORDER, lag_s, width)])
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         # What a wrong loop or lag leaves is taken for noise: with less noise both are seen better.
         tried = _searched(stretch, setting, best, order, widths)
         likeliest = min(tried, key=lambda own: own.deviance)
@@ -183,13 +183,13 @@ def _searched(
 ) -> list[Tried]:
     """Return half widths in degC, each with the lag under which the data are likeliest."""
     variance = best.solved[0].variance
-    prior_s = max(setting.lag_prior_s, LEAST_LAG * setting.interval_s)
+    prior_s = max(setting.lag_prior_s, MIN_LAG * setting.interval_s)
 
     def at(width: float) -> Tried:
         def deviance(share: float) -> float:
             return solve(stretch(order, share * prior_s, width), variance).deviance + share**2
 
-        bounds = (0.0, LONGEST_LAG)
+        bounds = (0.0, MAX_LAG)
         best_lag = minimize_scalar(deviance, bounds=bounds, options={"xatol": 0.02})
         return Tried(width, float(best_lag.x) * prior_s, float(best_lag.fun))
 
@@ -234,7 +234,7 @@ def _mixed(
     orders = range(max(1, order - FEWER), min(HIGHEST_ORDER, order + MORE) + 1)
     pairs = [(own, tried) for own in orders for tried in widths]
     variance, penalty = best.solved[0].variance, np.log(len(rate) - 1)
-    prior_s = max(setting.lag_prior_s, LEAST_LAG * setting.interval_s)
+    prior_s = max(setting.lag_prior_s, MIN_LAG * setting.interval_s)
     deviance = np.array(
         [
             solve(stretch(own, tried.lag_s, tried.half_width), variance).deviance
@@ -244,7 +244,7 @@ def _mixed(
         ]
     )
     weight = np.tile(share, len(orders)) * np.exp(-0.5 * (deviance - deviance.min()))
-    weight[weight < LEAST_SHARE * weight.max()] = 0.0
+    weight[weight < MIN_SHARE * weight.max()] = 0.0
     weight /= weight.sum()
     used = [n for n, own in enumerate(weight) if own > 0.0]
     top = max(pairs[n][0] for n in used)
@@ -291,7 +291,7 @@ def _candidate(
     whole = np.column_stack([columns, (later - columns @ sizes) / nudge_s])
     weighted = coefficients(whole) / np.sqrt(own.variance(theta))[:, None]
     normal = weighted.T @ weighted
-    normal[-1, -1] += 1.0 / max(setting.lag_prior_s, LEAST_LAG * setting.interval_s) ** 2
+    normal[-1, -1] += 1.0 / max(setting.lag_prior_s, MIN_LAG * setting.interval_s) ** 2
     centre = whole.mean(axis=0)
     # The constant is what the mean leaves: it moves with every column's mean.
     gain = np.vstack([-centre, np.eye(len(centre))])

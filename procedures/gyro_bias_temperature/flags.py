@@ -14,7 +14,7 @@ from .dataset import AnalysisSettings, TemperatureDataset
 from .fit import BiasFit
 from .units import UNITS
 
-LEAST_EARTH_DEG_PER_H, NEAR = 1.0, 0.1
+MIN_EARTH_DEG_PER_H, NEAR = 1.0, 0.1
 WHY = {
     "bias": "the reference temperature is outside the range of the record",
     "bias_temperature_sensitivity": "no soak ends 5 degC or more from the reference temperature, "
@@ -115,7 +115,7 @@ def _prior(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
 def _earth(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
     """Return the flag of an output that does not hold the earth's rate, or has it reversed."""
     earth = dataset.directions[axis].earth_deg_per_h(dataset.latitude_rad)
-    if abs(earth) < LEAST_EARTH_DEG_PER_H:
+    if abs(earth) < MIN_EARTH_DEG_PER_H:
         return []
     share = -float(fit.curve()[0]) / earth
     if min(abs(share - 1.0), abs(share - 2.0)) > NEAR:

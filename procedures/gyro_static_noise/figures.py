@@ -16,7 +16,7 @@ from .analysis import StaticAnalysis
 from .axis import AxisAnalysis
 from .dataset import StaticDataset
 
-MOST_DOTS = 2000
+MAX_DOTS = 2000
 PARTS = (("Q", BLUE), ("N", GREEN), ("B", ORANGE), ("K", PURPLE))
 
 
@@ -75,7 +75,7 @@ def _records(analysed: AxisAnalysis, interval_s: float) -> Figure:
     figure = new_figure()
     axes = figure.add_subplot()
     for piece in analysed.fit.pieces:
-        group = max(1, len(piece) // MOST_DOTS)
+        group = max(1, len(piece) // MAX_DOTS)
         whole = len(piece) // group * group
         mean = piece[:whole].reshape(-1, group).mean(axis=1)
         hours = (np.arange(len(mean)) + 0.5) * group * interval_s / 3600.0

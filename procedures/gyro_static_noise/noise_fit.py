@@ -17,7 +17,7 @@ from .rounding import WHITE_FROM, rounding_variances
 
 FEWEST = 40
 """Samples of a record below which it says nothing about noise."""
-MOST_LINES = 10
+MAX_LINES = 10
 BAND = 0.25
 """Part of an output's bandwidth up to which it passes noise as it is."""
 WALK_ALLOWED = 0.7
@@ -127,7 +127,7 @@ def fit_noise(pieces: Pieces, periodic_chance: float) -> NoiseFit | None:
             walk = float(np.sqrt(theta[1]))
     count = sum(len(record) for record in filled)
     lines: list[float] = []
-    for _ in range(MOST_LINES):
+    for _ in range(MAX_LINES):
         candidate = strongest_line(best, pieces.interval_s, [len(r) for r in filled])
         if candidate is None:
             break

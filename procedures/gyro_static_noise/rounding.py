@@ -10,7 +10,7 @@ from .dataset import Array
 
 WHITE_FROM = 0.4
 """N sqrt(t0) over the pulse from which successive rounding errors are as good as independent."""
-MOST_HARMONICS = 400
+MAX_HARMONICS = 400
 NOTHING = 1e-12
 
 
@@ -28,7 +28,7 @@ def rounding_covariance(
     angle[0] = pulse**2 / 12.0
     fading = 2.0 * (np.pi * walk / pulse) ** 2 * interval_s
     turning = 2.0 * np.pi * ((mean_rates * interval_s / pulse) % 1.0)
-    for harmonic in range(1, MOST_HARMONICS):
+    for harmonic in range(1, MAX_HARMONICS):
         fade = fading * harmonic**2
         if fade > -np.log(NOTHING):
             break

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.method.commands import Power
-from station.procedure import Later, Procedure, ResultKind, Step, usual_modules
+from station.procedure import LazyImport, Procedure, ResultKind, Step, usual_modules
 from station.runner.verbs import record_published
 
 from .directions import AXES, in_words
@@ -144,8 +144,8 @@ PROCEDURE = Procedure(
     check=check,
     **usual_modules(__name__),
     work=work,
-    outlook=Later(f"{__name__}.outlook:outlook"),
-    files=Later(f"{__name__}.calibration:files_of"),
+    outlook=LazyImport(f"{__name__}.outlook:outlook"),
+    files=LazyImport(f"{__name__}.calibration:files_of"),
     assumptions=(
         "The three positions and the turns do not determine the accelerometers: none faces down. "
         "`poses` adds directions that do.",

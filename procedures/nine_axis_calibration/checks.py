@@ -39,9 +39,9 @@ NEARLY_EARTH = 0.3
 """No two units are so near to each other; a bias that changed makes up as much."""
 AGREE = 0.999
 DENIED_SIGMAS = 5.0
-MOST_EAST = 0.2
+MAX_EAST = 0.2
 SENSOR_LEANS_RAD = 1e-3
-MOST_LEAN_RAD = 0.02
+MAX_LEAN_RAD = 0.02
 """About one degree, 200 ppm of the scale factor: more is no misalignment but a wrong mounting."""
 
 
@@ -99,7 +99,7 @@ def denied_rotation(
     east, north, up = solved[3:]
     covariance = np.linalg.inv(weighted.T @ weighted)[3:, 3:]
     turned = DENIED_SIGMAS * float(np.sqrt(covariance[0, 0]))
-    if abs(east) > MOST_EAST * abs(north) + turned:
+    if abs(east) > MAX_EAST * abs(north) + turned:
         return None  # not another latitude: the sensor stood otherwise
     across, whole = float(np.hypot(east, north)), float(np.linalg.norm(solved[3:]))
     along = solved[3:] / max(whole, 1e-9)
@@ -157,7 +157,7 @@ def _askew(axis: int, means: AxisMeans, solution: ScaleSolution | None) -> list[
         seen += [
             abs(cross.value / solution.scale_factor.value) for cross in solution.cross.values()
         ]
-    if not seen or max(seen) <= MOST_LEAN_RAD or max(seen) > 1.0:
+    if not seen or max(seen) <= MAX_LEAN_RAD or max(seen) > 1.0:
         return []
     lean = max(seen)
     text = (

@@ -20,7 +20,7 @@ Mask = NDArray[np.bool_]
 
 AXES = ("X", "Y", "Z")
 AT_THE_END = 1.0 - 1e-6
-MOST_OF_A_RECORD = 0.01
+MAX_OF_A_RECORD = 0.01
 MOSTLY = 0.9
 ALWAYS_NEW = 0.9
 """Of coarse data, of which fewer differ from the one before, none counts as frozen."""
@@ -119,7 +119,7 @@ def without_saturated(
             over[:, record.axis] = True
         count = int(over[:, record.axis].sum())
         if bool(over.any()):
-            whole = over.mean(axis=0) > MOST_OF_A_RECORD
+            whole = over.mean(axis=0) > MAX_OF_A_RECORD
             over[:, whole] = True
             record = replace(record, rate_deg_per_s=np.where(over, np.nan, rate))
             if count:

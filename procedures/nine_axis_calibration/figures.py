@@ -29,7 +29,7 @@ from .pose import gravity_pattern
 
 COLOURS = (BLUE, ORANGE, GREEN)
 PPM = MICRO = 1e6
-MOST_DOTS = 600
+MAX_DOTS = 600
 ARCMIN_PER_RAD = 60.0 * 180.0 / np.pi
 
 
@@ -243,7 +243,7 @@ def _allan_axes(axes: Axes, analysis: NineAxisAnalysis, axis: int) -> None:
 
 def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
     """Return means of equal stretches, so that a plot has no more points than it can show."""
-    size = -(-len(x) // MOST_DOTS)
+    size = -(-len(x) // MAX_DOTS)
     whole = len(x) - len(x) % size if size > 1 else len(x)
     if size <= 1 or whole == 0:
         return x, y

@@ -14,8 +14,8 @@ from procedures.estimation.noise import Index, fit_autoregression, grid_index
 from .dataset import Array, Mask
 
 FEWEST_TO_JUDGE = 8
-LONGEST_MEMORY = 6
-APART = LONGEST_MEMORY + 2
+MAX_MEMORY = 6
+APART = MAX_MEMORY + 2
 BLOCKS = 8
 FEWEST_FOR_BLOCKS = 64
 WANDERS = 0.9999
@@ -94,7 +94,7 @@ def colour_factor(residuals: Sequence[Array], places: Sequence[Index]) -> float:
         shifted.append(index - index[0] + start)
         start = int(shifted[-1][-1]) + APART
     model = fit_autoregression(
-        np.concatenate(residuals), np.concatenate(shifted).astype(np.int64), LONGEST_MEMORY
+        np.concatenate(residuals), np.concatenate(shifted).astype(np.int64), MAX_MEMORY
     )
     if model.order == 0:
         return 1.0

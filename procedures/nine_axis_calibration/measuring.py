@@ -17,7 +17,7 @@ from .dataset import Array
 from .directions import AXES
 from .parameters import (
     FULL_TURN_DEG,
-    LONGEST_READING_S,
+    MAX_READING_S,
     SHORTEST_READING_S,
     NineAxisParameters,
     Turn,
@@ -225,7 +225,7 @@ def turn(run: Run, turn: Turn, doing: str) -> None:
             sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{doing}, the table spins up")
         settled_s = run.clock.now() + parameters.settle_s
         while run.clock.now() < settled_s:
-            ahead_s = min(run.clock.now() + LONGEST_READING_S, settled_s)
+            ahead_s = min(run.clock.now() + MAX_READING_S, settled_s)
             sensing.follow(ahead_s, f"{doing}, the rate settles")
             table.is_at_rate(axis)  # raises where it does not keep it
         # The line is then free for the first reading as it is for all others.

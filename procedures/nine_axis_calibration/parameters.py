@@ -21,14 +21,14 @@ FEWEST_RATES = 5
 FULL_TURN_DEG = 360.0
 WHOLE = 1e-6
 DEFAULT_DWELL_S = 360.0
-LONGEST_WHOLE_S = 3600
+MAX_WHOLE_S = 3600
 
 Angle = Annotated[float, Unit("arcmin"), Field(gt=0, le=600)]
 Gravity = Annotated[float, Unit("g"), Field(ge=0.9, le=1.1)]
 Down = Literal["-X", "-Y", "-Z"]
 
 
-LONGEST_READING_S, SHORTEST_READING_S, READINGS = 0.9, 0.05, 50
+MAX_READING_S, SHORTEST_READING_S, READINGS = 0.9, 0.05, 50
 """Time between readings of the table's angle: less than a second, so that an interlock on the rate
 needs no reading of its own, and about fifty in a short record."""
 
@@ -59,7 +59,7 @@ class Turn:
     @property
     def reading_interval_s(self) -> float:
         """The time between two readings of the table's angle."""
-        return min(max(self.dwell_s / READINGS, SHORTEST_READING_S), LONGEST_READING_S)
+        return min(max(self.dwell_s / READINGS, SHORTEST_READING_S), MAX_READING_S)
 
 
 TABLE_AXES_ARCSEC = 10.0
@@ -298,7 +298,7 @@ def pose_unit(word: str) -> str:
 
 def _hint(rates: Sequence[float]) -> str:
     """Return the shortest time in whole seconds in which every rate makes whole turns."""
-    for time_s in range(1, LONGEST_WHOLE_S + 1):
+    for time_s in range(1, MAX_WHOLE_S + 1):
         turns = [rate * time_s / FULL_TURN_DEG for rate in rates]
         if all(round(n) >= 1 and abs(n - round(n)) <= WHOLE * max(1.0, n) for n in turns):
             return f"; {time_s} s would be whole at every rate"

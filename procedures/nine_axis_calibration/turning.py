@@ -32,7 +32,7 @@ PART_TURN = 0.02
 """Of a turn: a rest below it leaves a hundredth of the tilt's earth rate and less."""
 NOISE_DIFFERS = 0.999
 FEWEST_FOR_OWN_NOISE = 20
-MOST_ROUNDS = 4
+MAX_ROUNDS = 4
 ALWAYS_LEVEL = 0.02
 """Sine of the largest tilt of a turned axis that is expected, about one degree."""
 
@@ -183,7 +183,7 @@ def _gyro(
     least = QUANTUM_PART * smallest_step([record.rate_deg_per_s[:, gyro] for record in records])
     amplitude, normal = np.zeros(2), np.eye(2)
     kept: tuple[Mask, ...] = ()
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         # What a turn modulates must not hide wild samples: judge again without it.
         level = [v - c @ amplitude for (v, _), c in zip(following, rounds, strict=True)]
         usual = max(pooled_sigma(level), least)

@@ -39,7 +39,7 @@ from .response import Observed, Response, in_doubt, solve
 from .settings import AnalysisSettings
 from .steadiness import steadiness_flags
 
-MOST_IN_DOUBT = 0.5
+MAX_IN_DOUBT = 0.5
 
 __all__ = ["AnalysisSettings", "RlgAnalysis", "analyse", "published_value"]
 
@@ -120,7 +120,7 @@ def _recorder(
         flags += [*recorder_flags, *overtone_flags(segment, record.gyro, detail)]
         middle_s = middle_of(segment)
         flags += steadiness_flags(segment, fields[number], record.gyro, record.lines, middle_s)
-        if doubt > MOST_IN_DOUBT:
+        if doubt > MAX_IN_DOUBT:
             reason = "its record is cut or rounded too much, see the other flags"
             reasons.update(dict.fromkeys(detail.axes, reason))
             observed[number] = None

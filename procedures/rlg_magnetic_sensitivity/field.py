@@ -25,9 +25,9 @@ from .frequencies import Drive
 _DRIFT_ORDER = 2
 _OUTLIER = 8.0
 _FEWEST_SIGMAS = 8.0
-_LEAST_KEPT = 0.5
+_MIN_KEPT = 0.5
 """Where more of the field's samples are wild than not, nobody can say which of them are right."""
-_LEAST_EXPLAINED = 0.5
+_MIN_EXPLAINED = 0.5
 """Of the power of a coil's own component, the part that its own line must have."""
 
 
@@ -89,7 +89,7 @@ def fit_field(segment: Segment, middle_s: float) -> FieldFit:
     wild = ~finite
     wild[np.flatnonzero(finite)[~kept]] = True
     rejected = int((~kept).sum())
-    if len(time_s) - rejected < max(2 * columns, _LEAST_KEPT * len(time_s)):
+    if len(time_s) - rejected < max(2 * columns, _MIN_KEPT * len(time_s)):
         reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
         return _no_fit(groups, field_mT, reason)
     lines_Hz = frequencies, uncertainties
@@ -111,7 +111,7 @@ def stretch_of_field(
         return everything, lambda at_s: np.tile(mean_mT, (len(at_s), 1))
     middle_s = 0.5 * (start_s + stop_s)
     frequencies, _, kept = _frequencies(drive, groups, time_s - middle_s, field_mT)
-    if int(kept.sum()) < _LEAST_KEPT * len(time_s):
+    if int(kept.sum()) < _MIN_KEPT * len(time_s):
         kept = everything
 
     def columns(at_s: Array) -> Array:
@@ -309,7 +309,7 @@ def _absent(
         beside = max(
             [abs(line_mT[b]) for b, other in enumerate(AXES) if other not in axes], default=0
         )
-        explained = size**2 > 2.0 * _LEAST_EXPLAINED * float(scatter_mT[a]) ** 2
+        explained = size**2 > 2.0 * _MIN_EXPLAINED * float(scatter_mT[a]) ** 2
         if size < 0.5 * beside or not explained:
             at, of = int(np.argmax(np.abs(line_mT))), int(np.argmax(np.abs(lines_mT[:, a])))
             seen = "swings otherwise"

@@ -26,9 +26,9 @@ APART = 2.0
 GRID_HZ = 0.01
 ROUNDING = 1e-6
 
-MOST_ROWS = 2**19
+MAX_ROWS = 2**19
 """A record with no more samples than this is taken as it is: 14.5 h at 0.1 s."""
-MOST_CYCLES = 0.1
+MAX_CYCLES = 0.1
 """Of the fastest line in an averaged interval: the mean then takes 1.6 % of the line away."""
 
 Line = tuple[str, float]
@@ -173,10 +173,10 @@ def group_size(samples: int, interval_s: float, highest_Hz: float) -> int:
 
     Never so many that the fastest line would suffer: a record that is longer still has more rows.
     """
-    if samples <= MOST_ROWS:
+    if samples <= MAX_ROWS:
         return 1
-    allowed = MOST_CYCLES / max(highest_Hz * interval_s, MOST_CYCLES / samples)
-    return max(min(math.ceil(samples / MOST_ROWS), math.floor(allowed + 1e-9)), 1)
+    allowed = MAX_CYCLES / max(highest_Hz * interval_s, MAX_CYCLES / samples)
+    return max(min(math.ceil(samples / MAX_ROWS), math.floor(allowed + 1e-9)), 1)
 
 
 def averaged_rows(samples: int, interval_s: float, highest_Hz: float) -> int:

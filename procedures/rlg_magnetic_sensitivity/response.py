@@ -12,7 +12,7 @@ from .field import FieldFit
 from .gyro import GyroFit
 
 # Least part of an axis's field, orthogonal to that of the other axes, that still tells them apart.
-_LEAST_INDEPENDENT = 0.05
+_MIN_INDEPENDENT = 0.05
 # Correct S for 2 S2 B0 when that costs less than this part of u(S), or when S2 is this many u.
 _CHEAP = 0.5
 _SEEN = 1e-4
@@ -254,7 +254,7 @@ def _independent(system: _System, count: int) -> Mask:
         if others.shape[1]:
             left = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0]
         size = float(np.linalg.norm(own))
-        result[a] = size > 0.0 and float(np.linalg.norm(left)) > _LEAST_INDEPENDENT * size
+        result[a] = size > 0.0 and float(np.linalg.norm(left)) > _MIN_INDEPENDENT * size
     return result
 
 

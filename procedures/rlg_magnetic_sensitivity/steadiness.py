@@ -19,8 +19,8 @@ from .field import FieldFit
 from .gyro import GyroFit, fit_gyro
 from .settings import AnalysisSettings
 
-MOST_BLOCKS = 12
-LEAST_CYCLES = 2.0
+MAX_BLOCKS = 12
+MIN_CYCLES = 2.0
 WANDERS = 0.02
 """Part of its amplitude by which a field may differ in a block."""
 WANDERS_SIGMAS = 6.0
@@ -29,15 +29,15 @@ CHANCE = 1e-5
 ISOLATED_ROWS = 3
 REDDER = 1.5
 """Noise at a line over that beside it, at most: drift that is left is small there."""
-LEAST_ORDINATES = 16
+MIN_ORDINATES = 16
 
 
 def block_edges(start_s: float, stop_s: float, frequencies_Hz: Sequence[float]) -> Array:
     """Return the edges in s of blocks that tell the lines apart and hold two cycles of each."""
     ordered = sorted(frequencies_Hz)
     apart_Hz = min([b - a for a, b in pairwise(ordered)], default=np.inf)
-    least_s = max(LEAST_CYCLES / ordered[0], 1.0 / apart_Hz)
-    blocks = int(min((stop_s - start_s) / least_s + 1e-6, MOST_BLOCKS))
+    least_s = max(MIN_CYCLES / ordered[0], 1.0 / apart_Hz)
+    blocks = int(min((stop_s - start_s) / least_s + 1e-6, MAX_BLOCKS))
     return np.linspace(start_s, stop_s, max(blocks, 1) + 1)
 
 
@@ -186,7 +186,7 @@ def noise_beside(
     for f in lines_Hz:
         ring &= np.abs(spectrum.frequency_Hz - f) > 1.2 * block_Hz
     count = int(ring.sum())
-    if count < LEAST_ORDINATES:
+    if count < MIN_ORDINATES:
         return None
     # Ordinates are exponentially distributed: a median, which no line moves, is ln 2 of the mean.
     return LocalNoise(float(np.median(spectrum.ordinate[ring])) / np.log(2.0), float(count) / 2.0)

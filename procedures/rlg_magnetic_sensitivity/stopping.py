@@ -41,7 +41,7 @@ GUARD = 1.03
 it, it is rather too small than too large."""
 CLEAR = 3.0
 """Standard uncertainties between a value and every limit that make a decision early."""
-LONGEST_GROWTH, SHORTEST_GROWTH = 1.5, 1.2
+MAX_GROWTH, SHORTEST_GROWTH = 1.5, 1.2
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def samples_at_next_look(
         target = stop.uncertainty_deg_per_h_per_mT / GUARD
         known = [standing.standard_uncertainty for standing in standings]
         worst = max((u for u in known if u is not None), default=target)
-        growth = min((worst / target) ** 2, LONGEST_GROWTH) if None not in known else growth
+        growth = min((worst / target) ** 2, MAX_GROWTH) if None not in known else growth
     return planned.whole_blocks(max(growth * samples, samples + planned.block))
 
 

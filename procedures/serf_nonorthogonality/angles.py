@@ -26,7 +26,7 @@ COUNT = len(NAMES)
 PLACES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 INDEPENDENT = 1e-3
 """Part of a scaled column, orthogonal to those before it, that makes it one of its own."""
-MOST_ITERATIONS = 60
+MAX_ITERATIONS = 60
 IMPROBABLE, DOUBTFUL = 1e-4, 0.05
 """Below the first probability something is wrong; below the second u is enlarged already."""
 
@@ -145,7 +145,7 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
     weight: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     root = _root(weight)
     converged = False
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         slopes = _slopes(commanded_nT, p) @ mapping
         left = omega - frequencies(commanded_nT, p)
         move = np.linalg.lstsq(root @ slopes, root @ left, rcond=None)[0]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .tone import ToneFit
 
 LOOK_S = 0.02
-LEAST_SLACK = 0.1
+MIN_SLACK = 0.1
 USUAL_RESIDUAL_NT = 5.0
 
 
@@ -139,7 +139,7 @@ class LightPassed(InstrumentError):
 
 def fields_lost(field_nT: float) -> float:
     """Return by which part a shield's usual residual field may change a precession."""
-    return max(LEAST_SLACK, USUAL_RESIDUAL_NT / field_nT)
+    return max(MIN_SLACK, USUAL_RESIDUAL_NT / field_nT)
 
 
 def null_residual_field(run: Run, cell: Cell) -> None:

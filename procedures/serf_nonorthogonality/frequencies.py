@@ -35,7 +35,7 @@ BETA_U = 3.0
 LEAN_RAD = 2e-3
 EXCHANGED = 25.0
 """Chi-square of all samples that is saved where pump and probe light change places."""
-LEAST_FREEDOM = 2
+MIN_FREEDOM = 2
 MODEL_U = 5e-5
 """Relative, of a coil factor: what spin exchange does to a frequency and the model may miss."""
 
@@ -283,7 +283,7 @@ def _odd_one(used: Sequence[Precession], frequencies: Frequencies) -> tuple[Prec
     """Return the only shot without which the others agree, and why it is not used; None without."""
     count = len(used)
     whole = _solved(used, frequencies, range(count))
-    if whole is None or whole.degrees_of_freedom < LEAST_FREEDOM or not whole.disagree:
+    if whole is None or whole.degrees_of_freedom < MIN_FREEDOM or not whole.disagree:
         return None
     without = np.zeros(count)
     for k in range(count):

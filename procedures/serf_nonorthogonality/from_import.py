@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 TIME = "t_s"
 RATE_TOLERANCE = 0.01
-LEAST_SAMPLES = 16
+MIN_SAMPLES = 16
 
 
 class ImportedShot(StrictModel):
@@ -100,8 +100,8 @@ def dataset_of_import(raw: RawDataset) -> SerfDataset:
 
 def _check_rate(raw: RawDataset, table: Table, rate_Hz: float) -> None:
     """Refuse too few rows, and times that contradict the sample rate."""
-    if len(table.lines) < LEAST_SAMPLES:
-        what = f"{len(table.lines)} rows are too few for a fit; at least {LEAST_SAMPLES} are needed"
+    if len(table.lines) < MIN_SAMPLES:
+        what = f"{len(table.lines)} rows are too few for a fit; at least {MIN_SAMPLES} are needed"
         raise FaultList([table.fault(-1, TIME, what)])
     interval_s = float(np.median(np.diff(table[TIME])))
     if abs(interval_s * rate_Hz - 1.0) > RATE_TOLERANCE:

@@ -22,7 +22,7 @@ from .tone_search import beyond
 Array = NDArray[np.float64]
 
 SHARED = 3
-MOST_ITERATIONS = 25
+MAX_ITERATIONS = 25
 ENOUGH = 1e-9
 SQUARES = (0.03, 0.08, 0.15, 0.25, 0.36, 0.5, 0.68, 0.85)
 """P² to begin with."""
@@ -105,7 +105,7 @@ def fit_jointly(
     shared, omega = start[0].copy(), start[1].copy()
     damping = 1e-4
     step = _evaluate(records, spin, along, shared, omega, mains_Hz)
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         scale = np.sqrt(np.diag(step.normal))
         if not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
             raise NoJointFit("a parameter has no influence")

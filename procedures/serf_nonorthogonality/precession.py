@@ -12,7 +12,7 @@ from procedures.estimation.frozen import equal_runs
 
 from .dataset import SerfDataset, Shot
 from .settings import AnalysisSettings
-from .shots import LEAST_CYCLES, LEAST_SIGNAL_TO_NOISE
+from .shots import MIN_CYCLES, MIN_SIGNAL_TO_NOISE
 from .spin_motion import DecayLine, decay_line
 from .tone import NoTone, ToneFit, fit_tone
 
@@ -25,10 +25,10 @@ CLIPPED = 4
 STEPS, TOP = 4.5, 0.62
 """Within so many steps of a coarse recorder below its crest, a tone has the uppermost value in
 fewer than half of the samples, a clipped one in nearly all."""
-MOST_SATURATED = 0.1
+MAX_SATURATED = 0.1
 ALIKE = 0.1
-LEAST_ALIKE = 4
-MOST_ROUNDS = 5
+MIN_ALIKE = 4
+MAX_ROUNDS = 5
 SAME = 0.1
 """Of its u: a change of the baselines' decay that needs no other round."""
 UNLIKE = 0.1
@@ -93,7 +93,7 @@ def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = Non
     saturated = saturated_samples(shot)
     usable = ~saturated & (shot.time_s >= settings.skip_s)
     count = int(saturated.sum())
-    if count > MOST_SATURATED * len(saturated):
+    if count > MAX_SATURATED * len(saturated):
         text = f"{count} of {len(saturated)} samples are saturated"
         return Precession(shot, None, count, text, usable)
     try:
@@ -104,7 +104,7 @@ def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = Non
 
 
 def _too_few(shot: Shot, fit: ToneFit, settings: AnalysisSettings) -> str | None:
-    if fit.cycles >= LEAST_CYCLES:
+    if fit.cycles >= MIN_CYCLES:
         return None
     # Decay by spin exchange left aside, cycles grow with the field.
     field_nT = float(np.linalg.norm(shot.field_nT))
@@ -125,7 +125,7 @@ def look_at_all(dataset: SerfDataset, settings: AnalysisSettings) -> list[Preces
     """
     seen = [look_at(shot, settings, dataset.mains_Hz) for shot in dataset.shots]
     rate = None
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         line = common_decay([precession.used_fit for precession in seen if precession.used])
         if line is None or (rate is not None and abs(line.rate_per_s - rate) < SAME * line.rate_u):
             break
@@ -197,7 +197,7 @@ def fades_unlike(fit: ToneFit, fits: Sequence[ToneFit]) -> str | None:
     """
     omega, decay, _ = decays(fits)
     alike = decay[np.abs(omega / fit.omega_rad_per_s - 1.0) < ALIKE]
-    if len(alike) < LEAST_ALIKE:
+    if len(alike) < MIN_ALIKE:
         return None
     usual = float(np.median(alike))
     spread = 1.4826 * float(np.median(np.abs(alike - usual)))
@@ -233,9 +233,9 @@ def bad_because(
     largest_V = float(np.max(np.abs(shot.voltage_V)))
     if shot.full_scale_V is not None and largest_V >= SATURATED * shot.full_scale_V:
         return f"saturated: {largest_V:.3g} V of {shot.full_scale_V:g} V; raise full_scale"
-    if fit is None or fit.signal_to_noise < LEAST_SIGNAL_TO_NOISE:
+    if fit is None or fit.signal_to_noise < MIN_SIGNAL_TO_NOISE:
         return "no decaying tone: look at the pump light, the probe light and the coil"
-    if fit.cycles < LEAST_CYCLES:
+    if fit.cycles < MIN_CYCLES:
         return (
             f"{fit.cycles:.2f} cycles within the 1/e time, fewer than one; a field of about "
             f"{largest_nT / fit.cycles:.0f} nT would do"

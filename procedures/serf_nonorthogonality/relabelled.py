@@ -22,9 +22,9 @@ from .precession import Precession
 from .shots import AXES
 
 Array = NDArray[np.float64]
-MOST_NAMED = 4
+MAX_NAMED = 4
 """Where more statements than these suit the shots, the shots tell none of them from the others."""
-LEAST_FREEDOM = 2
+MIN_FREEDOM = 2
 BY_CHANCE = 0.05
 """So seldom one of the statements of a kind may suit shots that disagree for another cause."""
 
@@ -50,7 +50,7 @@ def relabelled_flags(
     suits: list[tuple[Relabelled, float]] = []
     for kind in (reversals(commanded_nT), pairs_mistaken(commanded_nT), swaps(commanded_nT, names)):
         suits += _agreeing(list(kind), frequencies, known=dataset.constants_known)
-    if not 0 < len(suits) <= MOST_NAMED:
+    if not 0 < len(suits) <= MAX_NAMED:
         return
     what = ", or if ".join(suit.what for suit, _ in suits)
     concerned = sorted({names[k] for suit, _ in suits for k in suit.shots})
@@ -135,7 +135,7 @@ def _agreeing(
         except np.linalg.LinAlgError:
             continue
         freedom = solution.degrees_of_freedom
-        settled = solution.converged and solution.positive_definite and freedom >= LEAST_FREEDOM
+        settled = solution.converged and solution.positive_definite and freedom >= MIN_FREEDOM
         if not settled or solution.probability < DOUBTFUL:
             continue
         near = float(chdtri(freedom, DOUBTFUL)) / frequencies.solution.chi_square

@@ -16,7 +16,7 @@ from station.findings import Flag, contradiction
 from .dataset import SerfDataset, Shot, ShotResult
 from .precession import Precession
 from .settings import AnalysisSettings
-from .shots import AXES, GAMMA_HZ_PER_NT, LEAST_SIGNAL_TO_NOISE, SPINS
+from .shots import AXES, GAMMA_HZ_PER_NT, MIN_SIGNAL_TO_NOISE, SPINS
 
 Array = NDArray[np.float64]
 UNEXPLAINED = 0.3
@@ -98,7 +98,7 @@ def _excitation(dataset: SerfDataset, seen: Sequence[Precession]) -> Iterator[Fl
     clear = [
         precession
         for precession in seen
-        if precession.used and precession.used_fit.signal_to_noise >= LEAST_SIGNAL_TO_NOISE
+        if precession.used and precession.used_fit.signal_to_noise >= MIN_SIGNAL_TO_NOISE
     ]
     if not clear or 2 * len(clear) < len(seen):
         return  # it is the light, or the cell

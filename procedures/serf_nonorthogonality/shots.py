@@ -17,9 +17,9 @@ AXES: tuple[Axis, ...] = ("x", "y", "z")
 PAIRS = ("xy", "xz", "yz")
 REPEATED = "shot-repeated"
 """The event of a shot that is taken again."""
-LEAST_CYCLES = 1.0
+MIN_CYCLES = 1.0
 """Within the 1/e time of a shot; with fewer it says nothing."""
-LEAST_SIGNAL_TO_NOISE = 3.0
+MIN_SIGNAL_TO_NOISE = 3.0
 """Of the tone of a shot; below it there is none."""
 OPPOSITES = ((1, 1), (-1, -1), (-1, 1), (1, -1))
 """The polarities of a pair: opposites side by side, so that a step of the residual field between

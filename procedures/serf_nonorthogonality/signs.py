@@ -21,11 +21,11 @@ from station.findings import Flag, contradiction
 
 from .dataset import Frequencies, SerfDataset
 from .precession import Precession
-from .shots import LEAST_SIGNAL_TO_NOISE
+from .shots import MIN_SIGNAL_TO_NOISE
 from .spin_motion import NO_LEAN, fields_in_light
 
 Array = NDArray[np.float64]
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 """Of the whole signal: a tone that should be smaller says nothing of signs."""
 CLEAR = 0.8
 """Cosine between what a shot shows and what it should, at which it agrees."""
@@ -49,9 +49,9 @@ def sign_flags(
     lean = frequencies.lean or NO_LEAN
     expected = _expected(fields, lean.spins, lean.probe)
     measured = _measured(used)
-    clear = np.abs(expected[:, 0]) > LEAST_SHARE
+    clear = np.abs(expected[:, 0]) > MIN_SHARE
     clear &= np.array(
-        [precession.used_fit.signal_to_noise > LEAST_SIGNAL_TO_NOISE for precession in used]
+        [precession.used_fit.signal_to_noise > MIN_SIGNAL_TO_NOISE for precession in used]
     )
     if int(np.sum(clear)) < FEWEST:
         return

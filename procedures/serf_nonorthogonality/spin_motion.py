@@ -35,7 +35,7 @@ DECAYS = 8.0
 """After so many decays of P nothing is left of a square of it."""
 USUAL_LEAN = np.radians(3.0)
 """Standard uncertainty of a lean that no shot tells."""
-MOST_ITERATIONS = 20
+MAX_ITERATIONS = 20
 NUDGE = 1e-6
 
 
@@ -147,7 +147,7 @@ def lean_of(fields: Array, ratio: Array, ratio_u: Array) -> Lean:
     rad = np.zeros(4)
     gain = 1.0 if float(np.sum(_ratios(fields, rad) * ratio / ratio_u**2)) >= 0.0 else -1.0
     prior = np.eye(4) / USUAL_LEAN**2
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         expected = _ratios(fields, rad)
         slopes = np.column_stack(
             [

@@ -21,9 +21,9 @@ from .tone_search import Minimum, descend, minimum_from, rows_of, starting_point
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 FIRST_LOOK = 5
-LEAST_SAMPLES = 16
+MIN_SAMPLES = 16
 WILD = 6.0
-MOST_WILD = 0.05
+MAX_WILD = 0.05
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def fit_tone(
     stand six robust standard deviations from fit and neighbours are left out. Raises NoTone.
     """
     kept = np.isfinite(voltage_V) if usable is None else usable & np.isfinite(voltage_V)
-    if int(kept.sum()) < LEAST_SAMPLES:
+    if int(kept.sum()) < MIN_SAMPLES:
         raise NoTone(f"{int(kept.sum())} usable samples are too few")
     t, y = time_s[kept], voltage_V[kept]
     if float(np.ptp(y)) == 0.0:
@@ -146,7 +146,7 @@ def wild_samples(residual: Array) -> Mask:
     out = residual - beside
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     wild: Mask = (np.abs(out) > WILD * spread) & (np.abs(residual) > WILD * spread)
-    if spread <= 0.0 or wild.mean() > MOST_WILD:
+    if spread <= 0.0 or wild.mean() > MAX_WILD:
         return np.zeros(len(residual), dtype=bool)
     return wild
 

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-MOST_ITERATIONS = 40
+MAX_ITERATIONS = 40
 ENOUGH = 1e-9
 """Of the sum of squares: with a thousand samples a thousandth of an uncertainty."""
 SHARES_OF_SPAN = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0)
 """Decays to begin with, in 1/e times that the record holds."""
-LEAST_SAMPLES = 12
+MIN_SAMPLES = 12
 """Within the 1/e time of a decay to begin with."""
 PADDING = 4
-MOST_STARTS = 4
+MAX_STARTS = 4
 APART = 1.5
 """How far two starts lie apart, in widths of the record's spectrum or of the decay."""
 
@@ -36,7 +36,7 @@ def starting_points(t: Array, y: Array, mains_Hz: float | None) -> list[tuple[fl
     starts: list[tuple[float, float, float]] = []
     for share in SHARES_OF_SPAN:
         decay = share / span_s
-        if decay * interval_s * LEAST_SAMPLES > 1.0:
+        if decay * interval_s * MIN_SAMPLES > 1.0:
             break
         columns = [np.ones(count), np.exp(-decay * since), np.exp(-0.5 * decay * since)]
         if mains_Hz is not None:
@@ -62,7 +62,7 @@ def starting_points(t: Array, y: Array, mains_Hz: float | None) -> list[tuple[fl
         near = 2.0 * np.pi * APART / span_s
         if all(abs(omega - other) > near or decay != same for other, same in chosen):
             chosen.append((omega, decay))
-    return chosen[:MOST_STARTS]
+    return chosen[:MAX_STARTS]
 
 
 # The linear part of a fit at a given frequency and decay, and its slopes. All that the search needs
@@ -212,7 +212,7 @@ def minimum_from(
     mains_Hz: float | None,
 ) -> Minimum | None:
     """Return the minimum that a start leads to; None where that is no decaying tone."""
-    minimum = descend(t, y, start, baseline_decay_per_s, mains_Hz, MOST_ITERATIONS)
+    minimum = descend(t, y, start, baseline_decay_per_s, mains_Hz, MAX_ITERATIONS)
     if minimum is None:
         return None
     omega, decay, _ = minimum

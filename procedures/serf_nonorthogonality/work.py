@@ -26,7 +26,7 @@ from station.report.numbers import format_number
 from station.units import parse_as
 
 from .parameters import SerfParameters
-from .shots import AXES, LEAST_CYCLES, PAIRS, Wanted
+from .shots import AXES, MIN_CYCLES, PAIRS, Wanted
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -36,7 +36,7 @@ SIGNAL_TO_NOISE = 100.0
 """Of a single sample of the first shot; what the uncertainties below hold for."""
 FULL_RECORD = 3.0
 ARCSEC = math.pi / 648000.0
-LEAST_LOSS_SHARE = 0.5
+MIN_LOSS_SHARE = 0.5
 """Broadening over width at which angles are determined best."""
 GENERATOR_XY = "signal_generator.xy"
 GENERATOR_Z = "signal_generator.z_gradient"
@@ -56,7 +56,7 @@ NULLING_SHOTS, USUAL_ROUNDS = 14, 2
 NULLING_MARGIN = 2.0
 """Rounds of nulling correct each other: no more than so many times `at_most` is held."""
 OVERSAMPLING = 4.0
-LEAST_DECAYS, USUAL_DECAYS = 1.0, 3.0
+MIN_DECAYS, USUAL_DECAYS = 1.0, 3.0
 BEYOND_USE = 3.0
 """Loss against the best field, as a ratio of uncertainties, beyond which a plan is refused."""
 
@@ -100,7 +100,7 @@ def expectation(parameters: SerfParameters) -> Expectation | None:
         decay,
         cycles,
         share,
-        _relative_u(share) / _relative_u(LEAST_LOSS_SHARE),
+        _relative_u(share) / _relative_u(MIN_LOSS_SHARE),
         parameters.record_s * min(decay.values()),
     )
 
@@ -299,7 +299,7 @@ def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
     expected = expectation(parameters)
     if expected is None:
         return
-    if expected.record_decays < LEAST_DECAYS:
+    if expected.record_decays < MIN_DECAYS:
         yield Problem(
             ("parameters", "record"),
             f"it holds {expected.record_decays:.2g} 1/e times of the slowest precession, fewer "
@@ -315,7 +315,7 @@ def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
             f"their width, angles are known {expected.loss:.1f} times less well than at best; take "
             f"about {best_nT:g} nT",
         )
-    elif cycles < LEAST_CYCLES:
+    elif cycles < MIN_CYCLES:
         yield Problem(
             FIELD,
             f"{cycles:.2f} cycles pass within the 1/e time, fewer than one; take about "

@@ -45,7 +45,7 @@ from sim_instruments.world.table import Table
 
 FIRMWARE = "A8800-001-01.000-a"
 HOMES = ("done", "ignored", "refused")
-LONGEST_MESSAGE = 32768
+MAX_MESSAGE = 32768
 EVERY_ERROR = 1 << 30
 SAFETY_INTERLOCK, SUMMARY, ERRORS_WAIT = 1 << 0, 1 << 6, 1 << 7
 COMMAND_ERROR, EXECUTION_ERROR = 1 << 5, 1 << 4
@@ -66,7 +66,7 @@ class Acutrol3000(LineInstrument):
     model = "Acutronic ACUTROL3000"
     protocol = "acl"
     resource = "socket://{host}:{port}"
-    longest_line = LONGEST_MESSAGE
+    longest_line = MAX_MESSAGE
     lasting_faults: ClassVar = (FollowingError.kind, Stuck.kind, EmergencyStop.kind)
 
     def __init__(self, setting: Setting) -> None:

@@ -26,9 +26,9 @@ PROTOCOL_VERSION = 1
 VERSIONS = (1, 0, 1, PROTOCOL_VERSION)
 """Firmware major and minor, hardware, protocol."""
 TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 100.0, 32767  # per degC
-LONGEST_REPORTED = 0xFFFF  # of an alignment, in units of 0.1 s
-FIRST_AHEAD, MOST_AHEAD = 64, 256
-LONGEST_AHEAD_S = 60.0
+MAX_REPORTED = 0xFFFF  # of an alignment, in units of 0.1 s
+FIRST_AHEAD, MAX_AHEAD = 64, 256
+MAX_AHEAD_S = 60.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
 
 Values = list[float]
@@ -123,7 +123,7 @@ class NavigatorModel:
         """Return status, 0.1 s that an alignment is under way, last counter and rate."""
         status, since_s = self.status(), self._aligning_since_s
         for_s = self._clock.now() - since_s if status & ALIGNING and since_s is not None else 0.0
-        return status, min(round(10 * for_s), LONGEST_REPORTED), self.counter & 0xFFFF, self.rate
+        return status, min(round(10 * for_s), MAX_REPORTED), self.counter & 0xFFFF, self.rate
 
     def _start(self, rate: int) -> int:
         if not self._powered():
@@ -223,8 +223,8 @@ class NavigatorModel:
         self._version = self._world.version if self._world is not None else 0
 
     def _compute_ahead(self, world: NavigatorWorld) -> None:
-        count = max(1, min(self._ahead, int(LONGEST_AHEAD_S / self._interval_s)))
-        self._ahead = min(2 * self._ahead, MOST_AHEAD)
+        count = max(1, min(self._ahead, int(MAX_AHEAD_S / self._interval_s)))
+        self._ahead = min(2 * self._ahead, MAX_AHEAD)
         times_s = self._begin_s + self._interval_s * np.arange(
             self.counter, self.counter + count, dtype=np.float64
         )

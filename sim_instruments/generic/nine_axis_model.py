@@ -18,8 +18,8 @@ from sim_instruments.truth import SimulationError
 from sim_instruments.world.nine_axis_sensor import Means
 from sim_instruments.world.piecewise import Array
 
-FIRST_AHEAD, MOST_AHEAD = 16, 1024
-LONGEST_AHEAD_S = 60.0
+FIRST_AHEAD, MAX_AHEAD = 16, 1024
+MAX_AHEAD_S = 60.0
 SHORTEST_BATCH_S = 0.1
 ROOM_DEGC = 22.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Overload.kind, GyroFails.kind, Overheating.kind)
@@ -193,8 +193,8 @@ class NineAxisModel:
         self._version = self._world.version
 
     def _compute_ahead(self, at_least: int) -> None:
-        count = max(at_least, min(self._ahead, int(LONGEST_AHEAD_S / self._interval_s)))
-        self._ahead = min(2 * self._ahead, MOST_AHEAD)
+        count = max(at_least, min(self._ahead, int(MAX_AHEAD_S / self._interval_s)))
+        self._ahead = min(2 * self._ahead, MAX_AHEAD)
         counters = np.arange(self.counter, self.counter + count + 1)
         self._rows = self._world.nine_axis_means(
             np.asarray(self._begin_s + self._interval_s * counters)

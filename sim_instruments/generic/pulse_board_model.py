@@ -19,8 +19,8 @@ from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.laser_gyro import LaserGyroBench, PulseNoise
 
-FIRST_AHEAD, MOST_AHEAD = 8, 1024
-LONGEST_AHEAD_S = 60.0
+FIRST_AHEAD, MAX_AHEAD = 8, 1024
+MAX_AHEAD_S = 60.0
 NO_SENSOR = -32768
 FRAME = np.dtype([("sequence", "<u2"), ("counts", "<i4"), ("temperature", "<i2")])
 """As the board on CAN sends a sample; temperatures in 0.01 degC."""
@@ -83,8 +83,8 @@ class PulseSampler:
     def _compute_ahead(self, at_least: int) -> None:
         assert self._noise is not None, "begin comes before rows"
         gyro, first = self._world.gyro, self._samples
-        count = max(at_least, min(self._ahead, int(LONGEST_AHEAD_S / self.interval_s)))
-        self._ahead = min(2 * self._ahead, MOST_AHEAD)
+        count = max(at_least, min(self._ahead, int(MAX_AHEAD_S / self.interval_s)))
+        self._ahead = min(2 * self._ahead, MAX_AHEAD)
         edges_s = np.arange(first, first + count + 1, dtype=np.float64) * self.interval_s
         edges_s += self._begin_s
         on = np.diff(gyro.heat.on_time(edges_s)) / self.interval_s

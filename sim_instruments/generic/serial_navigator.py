@@ -35,7 +35,7 @@ NAMES = {
 }
 COMMANDS = {START: "start", STOP: "stop", IDENTIFY: "identify", REPORT: "report", ALIGN: "align"}
 HEAD_BYTES, CRC_BYTES, COMMAND_BYTES = 4, 4, 7
-LONGEST_PAYLOAD = 32
+MAX_PAYLOAD = 32
 ANGLE_STEPS = 1e7  # per deg
 
 
@@ -56,7 +56,7 @@ def commands_in(pending: bytes) -> Arrived:
         if len(pending) < HEAD_BYTES:
             return Arrived(frames, pending)
         end = HEAD_BYTES + pending[3] + CRC_BYTES
-        if pending[3] > LONGEST_PAYLOAD:  # waited for, it would swallow what follows
+        if pending[3] > MAX_PAYLOAD:  # waited for, it would swallow what follows
             pending = pending[1:]
             continue
         if len(pending) < end:

@@ -40,7 +40,7 @@ COUNTS_MODULUS = 1 << 24
 TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 256.0, 32767  # per degC
 SHOWN_PER_DEGC = 100.0
 ALL = (1 << CHANNELS) - 1
-BATCH_S, LONGEST_LATENCY_S = 0.04, 0.02
+BATCH_S, MAX_LATENCY_S = 0.04, 0.02
 LARGEST_LATENCY = 0xFFFF  # us
 
 
@@ -81,8 +81,8 @@ class SerialPulseBoard(FrameInstrument):
 
     def __init__(self, setting: Setting) -> None:
         latency_s = setting.truth.quantity("latency", "s")
-        if not 0.0 <= latency_s <= LONGEST_LATENCY_S:
-            raise SimulationError(f"{setting.truth.where}.latency: 0 s to {LONGEST_LATENCY_S:g} s")
+        if not 0.0 <= latency_s <= MAX_LATENCY_S:
+            raise SimulationError(f"{setting.truth.where}.latency: 0 s to {MAX_LATENCY_S:g} s")
         self._clock = setting.clock
         self._board = PulseBoardModel(setting, self._outputs, latency_s, BATCH_S)
         self.begin_to_serve(setting, commands_in, self._board)

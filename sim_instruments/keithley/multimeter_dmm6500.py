@@ -52,7 +52,7 @@ HEADERS = {
 NAMES = {"VOLTAGE": "VOLT", "CURRENT": "CURR", "RESISTANCE": "RES", "FRESISTANCE": "FRES"}
 INPUTS = {"AUTO": "AUTO", "MOHM10": "MOHM10"}
 READ = {"READ": "READ", "READING": "READ"}
-LEAST_CYCLES = 0.0005
+MIN_CYCLES = 0.0005
 
 
 class EventLog(ErrorQueue):
@@ -214,7 +214,7 @@ class KeithleyDmm6500(ScpiDevice):
 
     def _cycles(self, text: str) -> float:
         most = 15.0 if self._converter.line_frequency_Hz == 60.0 else 12.0
-        return numeric(text, LEAST_CYCLES, most, 1.0)
+        return numeric(text, MIN_CYCLES, most, 1.0)
 
     def _choose(self, text: str) -> None:
         words = unquoted(text).upper().split(":")

@@ -10,7 +10,7 @@ from sim_instruments.keysight.multimeter_34465a_settings import unquoted
 from sim_instruments.wire.scpi import ScpiError, number, whole_number
 from sim_instruments.world.piecewise import Array
 
-MOST_READINGS = 1_000_000
+MAX_READINGS = 1_000_000
 DELAYS_S = (167e-9, 10e3)
 BETWEEN_READINGS_S = 0.2e-3
 ROUNDING = 1e-6
@@ -64,7 +64,7 @@ class SimpleLoop:
         delay_s = number(parameters[2]) if len(parameters) > 2 else 0.0
         if delay_s and not DELAYS_S[0] <= delay_s <= DELAYS_S[1]:
             raise ScpiError(-222)
-        self._loaded = whole_number(parameters[1], 1, MOST_READINGS)
+        self._loaded = whole_number(parameters[1], 1, MAX_READINGS)
         self._delay_s, self._planned, self._taken = delay_s, 0, 0
 
     def initiate(self, now_s: float, busy_s: float) -> None:

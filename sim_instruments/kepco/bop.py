@@ -31,7 +31,7 @@ from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, single
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.wire.scpi_device import ScpiDevice, Value
 
-LONGEST_MESSAGE = 253
+MAX_MESSAGE = 253
 ROOTS = ("", "SOURce:")
 LEVEL = "[:LEVel][:IMMediate][:AMPlitude]"
 FILTER_S = 0.005
@@ -139,12 +139,12 @@ class KepcoBop(ScpiDevice):
         return line.rstrip(b"\r") + b"\r\n" + answer if self._echoes else answer
 
     def _answered(self, line: bytes) -> bytes:
-        if len(line.rstrip(b"\r")) > LONGEST_MESSAGE:
+        if len(line.rstrip(b"\r")) > MAX_MESSAGE:
             return self._too_long()
         reply = self.execute(line.decode("ascii", "replace").strip())
         if reply is None:
             return b""
-        if len(reply) > LONGEST_MESSAGE:
+        if len(reply) > MAX_MESSAGE:
             self.refuse(-400)
             return b""
         return reply.encode("ascii") + b"\n"

@@ -23,7 +23,7 @@ from sim_instruments.kepco.output_list import ListMemory, not_while
 from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number
 
 RATED = {"CURR": 14.0, "VOLT": 72.0}
-MOST_POINTS, SINE_POINTS = 3933, 3840
+MAX_POINTS, SINE_POINTS = 3933, 3840
 LOWEST_HZ, HIGHEST_HZ = 0.01, 1.8
 LOADS = {name: name for name in ("ACTIVE", "RESISTIVE", "BATTERY")}
 PIN_CONTROLS = {name: name for name in ("HIGH", "LOW", "STAN", "OFF")}
@@ -62,7 +62,7 @@ class GeneratedList(ListMemory):
 
     def add_sine(self, frequency_Hz: float, amplitude: float, offset: float) -> None:
         """Append a period of a sine; -223 when it does not fit."""
-        if len(self.points["CURR"]) + SINE_POINTS > MOST_POINTS:
+        if len(self.points["CURR"]) + SINE_POINTS > MAX_POINTS:
             raise ScpiError(-223)
         angle = 2.0 * np.pi * np.arange(SINE_POINTS) / SINE_POINTS
         self.points["CURR"] += (offset + amplitude * np.sin(angle)).tolist()

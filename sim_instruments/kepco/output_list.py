@@ -25,9 +25,9 @@ from sim_instruments.world.piecewise import Array
 
 Entry = TypeVar("Entry", int, float)
 
-MOST_POINTS = 1002
-MOST_SEQUENCE_STEPS = 512
-SHORTEST_DWELL_S, LONGEST_DWELL_S = 0.0005, 10.0
+MAX_POINTS = 1002
+MAX_SEQUENCE_STEPS = 512
+SHORTEST_DWELL_S, MAX_DWELL_S = 0.0005, 10.0
 POINTS_PER_REPLY = 16
 
 
@@ -55,7 +55,7 @@ class ListMemory:
         other = "VOLT" if kind == "CURR" else "CURR"
         if self.points[other]:
             raise ScpiError(-221)
-        if len(self.points[kind]) + len(values) > MOST_POINTS:
+        if len(self.points[kind]) + len(values) > MAX_POINTS:
             raise ScpiError(-223)
         self.points[kind].extend(values)
 
@@ -74,9 +74,9 @@ class ListMemory:
         if not parameters:
             raise ScpiError(-109)
         values = [number(text) for text in parameters]
-        if any(not SHORTEST_DWELL_S <= value <= LONGEST_DWELL_S for value in values):
+        if any(not SHORTEST_DWELL_S <= value <= MAX_DWELL_S for value in values):
             raise ScpiError(-222)
-        if len(self.dwells) + len(values) > MOST_POINTS:
+        if len(self.dwells) + len(values) > MAX_POINTS:
             raise ScpiError(-223)
         self.dwells.extend(values)
 
@@ -84,8 +84,8 @@ class ListMemory:
         """Append locations to the user's sequence, at most 512 in all."""
         if not parameters:
             raise ScpiError(-109)
-        values = [whole_number(text, 0, MOST_POINTS - 1) for text in parameters]
-        if len(self.sequence) + len(values) > MOST_SEQUENCE_STEPS:
+        values = [whole_number(text, 0, MAX_POINTS - 1) for text in parameters]
+        if len(self.sequence) + len(values) > MAX_SEQUENCE_STEPS:
             raise ScpiError(-223)
         self.sequence.extend(values)
 
@@ -99,7 +99,7 @@ class ListMemory:
 
     def set_pointer(self, parameters: list[str]) -> None:
         """Set the first location that queries show."""
-        self.pointer = whole_number(single_parameter(parameters), 0, MOST_POINTS - 1)
+        self.pointer = whole_number(single_parameter(parameters), 0, MAX_POINTS - 1)
 
     def set_direction(self, parameters: list[str]) -> None:
         """Set whether the list is walked up or down."""

@@ -28,13 +28,13 @@ from sim_instruments.world.serf_coils import VoltageHistory
 
 SOURCE_OHM = 50.0
 LARGEST_V = 10.0
-LEAST_VPP = 2e-3
+MIN_VPP = 2e-3
 """Both at an open end."""
 APART_V = 1e-3
 LOADS_OHM = (1.0, 10e3)
 OPEN = 9.9e37
 ROUNDING_V = 1e-9
-MOST_CYCLES = 1000
+MAX_CYCLES = 1000
 """Of a burst that reach the coil here."""
 
 
@@ -133,7 +133,7 @@ class Channel:
 
     def set_amplitude(self, text: str) -> None:
         """Set the amplitude; where both do not fit, the offset becomes smaller."""
-        least_V, most_V = LEAST_VPP * self.share, 2 * self.largest_V
+        least_V, most_V = MIN_VPP * self.share, 2 * self.largest_V
         words = {"MIN": least_V, "MAX": most_V}
         wanted_V = words[text.upper()] if text.upper() in words else number(text)
         self._amplitude_V = self._clipped(wanted_V, least_V, most_V) / self.share
@@ -200,7 +200,7 @@ class Channel:
         if not self.waits or now_s < self._busy_until_s:
             return
         start_s = now_s + self.delay_s + latency_s
-        cycle_s, cycles = self.wave.cycle_s(), int(min(self.cycles, MOST_CYCLES))
+        cycle_s, cycles = self.wave.cycle_s(), int(min(self.cycles, MAX_CYCLES))
         self.history.set(start_s, self.history.now_V(start_s))
         for cycle in range(cycles):
             for after_s, level in self.wave.levels():
@@ -225,15 +225,15 @@ class Channel:
 
     def _make_room_for_offset(self) -> None:
         room_V = 2 * (LARGEST_V - abs(self._offset_V))
-        if self._amplitude_V > max(room_V, LEAST_VPP) + ROUNDING_V:
-            self._amplitude_V = max(room_V, LEAST_VPP)
+        if self._amplitude_V > max(room_V, MIN_VPP) + ROUNDING_V:
+            self._amplitude_V = max(room_V, MIN_VPP)
             self._complain(CONFLICT, "amplitude changed due to offset")
 
     def _keep_limits(self) -> None:
         if self.limited and self.wave.function != "DC":
             low_V, high_V = self._limited(self.low_V), self._limited(self.high_V)
             if (low_V, high_V) != (self.low_V, self.high_V):
-                self._amplitude_V = max((high_V - low_V) / self.share, LEAST_VPP)
+                self._amplitude_V = max((high_V - low_V) / self.share, MIN_VPP)
                 self._offset_V = (high_V + low_V) / 2 / self.share
 
     def _limited(self, level_V: float) -> float:

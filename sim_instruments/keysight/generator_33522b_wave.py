@@ -18,11 +18,11 @@ from sim_instruments.world.piecewise import Array
 Complain = Callable[[int, str], None]
 """Takes the number of an error and what is said beyond its standard text."""
 
-LEAST_WIDTH_S = 16e-9
-LONGEST_S = 1e6
-PERIODS_S = (1 / 30e6, LONGEST_S)
+MIN_WIDTH_S = 16e-9
+MAX_S = 1e6
+PERIODS_S = (1 / 30e6, MAX_S)
 RATES_PER_S = (1e-6, 250e6)
-LEAST_POINTS, MOST_POINTS = 8, 1_000_000
+MIN_POINTS, MAX_POINTS = 8, 1_000_000
 LARGEST_COUNT = 32767
 BUILT_IN = "EXP_RISE"
 LOWER, UPPER = "value clipped to lower limit", "value clipped to upper limit"
@@ -80,7 +80,7 @@ class Wave:
 
     def clear(self) -> None:
         """Forget the arbitrary waveforms that were sent."""
-        self._memory: dict[str, Array] = {BUILT_IN: np.linspace(-1.0, 1.0, LEAST_POINTS)}
+        self._memory: dict[str, Array] = {BUILT_IN: np.linspace(-1.0, 1.0, MIN_POINTS)}
         self.arb = BUILT_IN
 
     def cycle_s(self) -> float:
@@ -120,7 +120,7 @@ class Wave:
     def set_period(self, period_s: float) -> None:
         """Set the period; a pulse that does not fit becomes shorter."""
         self.period_s = self._clipped(period_s, *PERIODS_S)
-        longest_s = self.period_s - LEAST_WIDTH_S
+        longest_s = self.period_s - MIN_WIDTH_S
         if self.width_s > longest_s:
             self.width_s = longest_s
             if self.function == "PULS":
@@ -129,10 +129,10 @@ class Wave:
     def set_width(self, text: str) -> None:
         """Set the width of the pulse."""
         word = text.upper()
-        longest_s = self.period_s - LEAST_WIDTH_S
-        words = {"MIN": LEAST_WIDTH_S, "MAX": longest_s}
+        longest_s = self.period_s - MIN_WIDTH_S
+        words = {"MIN": MIN_WIDTH_S, "MAX": longest_s}
         width_s = words[word] if word in words else number(text)
-        self.width_s = self._clipped(width_s, LEAST_WIDTH_S, longest_s)
+        self.width_s = self._clipped(width_s, MIN_WIDTH_S, longest_s)
 
     def set_duty(self, text: str) -> None:
         """Set the duty cycle of a square wave, in %."""
@@ -184,7 +184,7 @@ class Wave:
             if len(block) % kind.itemsize:
                 raise ScpiError(-161)
             values = np.frombuffer(block, kind).astype(np.float64)
-        if not LEAST_POINTS <= len(values) <= MOST_POINTS:
+        if not MIN_POINTS <= len(values) <= MAX_POINTS:
             raise ScpiError(OUT_OF_RANGE)
         values = values / LARGEST_COUNT if counts else values
         if (np.abs(values) > 1.0).any():

@@ -25,7 +25,7 @@ from sim_instruments.wire.scpi import (
 from sim_instruments.wire.scpi import whole_number as whole
 from sim_instruments.world.piecewise import Array
 
-MOST_SAMPLES = 1_000_000_000
+MAX_SAMPLES = 1_000_000_000
 AUTOMATIC_DELAY_S = 1e-3
 BETWEEN_READINGS_S = 0.2e-3
 ROUNDING = 1e-6
@@ -84,7 +84,7 @@ class TriggerSystem:
         self._triggers_left = self.triggers
         self._planned = self._taken = 0
         if self.source == "IMM":
-            at_once = min(self.triggers, MOST_SAMPLES)
+            at_once = min(self.triggers, MAX_SAMPLES)
             self._triggers_left = 0.0
             self._start(now_s, self.samples * int(at_once))
 
@@ -141,7 +141,7 @@ def add_trigger_commands(
         tree.add(f"{header}?", lambda _: give())
 
     def count(text: str) -> int:
-        return round(numeric(text, 1, MOST_SAMPLES, 1))
+        return round(numeric(text, 1, MAX_SAMPLES, 1))
 
     def many(text: str) -> float:
         return math.inf if text.upper() in ("INF", "INFINITY") else count(text)

@@ -23,7 +23,7 @@ from sim_instruments.wire.scpi_device import ScpiDevice
 
 RATINGS = {1: (6.0, 5.0), 2: (25.0, 1.0), 3: (25.0, 1.0)}
 HEADROOM = 1.1
-LONGEST_DELAY_S = 3600.0
+MAX_DELAY_S = 3600.0
 ROOTS = ("", "SOURce:")
 
 
@@ -155,7 +155,7 @@ class KeysightE36312A(ScpiDevice):
             )
             self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_voltage)))
             protect = f"{root}CURRent:PROTection"
-            self._number(f"{protect}:DELay[:TIME]", "delay_s", lambda output: LONGEST_DELAY_S)
+            self._number(f"{protect}:DELay[:TIME]", "delay_s", lambda output: MAX_DELAY_S)
             self._set(f"{protect}:STATe", self._protect)
             self._get(f"{protect}:STATe?", lambda n: str(int(self._outputs[n].protects_current)))
             self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_current)))

@@ -37,7 +37,7 @@ TICK_S = 0.01
 TICKS_PER_S = 100
 BUFFER_RECORDS = 1000
 RANGES_T = (0.035, 0.35, 3.5)
-MOST_AVERAGED = 1000
+MAX_AVERAGED = 1000
 OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
@@ -177,7 +177,7 @@ class LakeshoreF71(ScpiDevice):
         self._start_window()
 
     def _set_averaging(self, text: str) -> None:
-        count = whole_number(text, 1, MOST_AVERAGED)
+        count = whole_number(text, 1, MAX_AVERAGED)
         self._collect()
         self._averaged = count
         self._start_window()

@@ -31,7 +31,7 @@ from sim_instruments.world.rotation import RotationHistory
 
 VERSION = "ESP301 Version 3.0.1 6/1/99"
 STAGE = "URS100BPP"
-LONGEST_LINE = 80
+MAX_LINE = 80
 AXES = 3
 DEGREES = 7
 COMMAND = re.compile(r"(\d*)\s*([A-Z]{2})\s*(.*)", re.DOTALL)
@@ -94,7 +94,7 @@ class NewportEsp301(LineInstrument):
     def _line(self, line: bytes) -> bytes:
         text = line.decode("ascii", "replace").strip()
         self._axis.catch_up()
-        if len(text) > LONGEST_LINE:
+        if len(text) > MAX_LINE:
             self._refuse(EspError(7))
             return b""
         answers = []
@@ -260,7 +260,7 @@ class NewportEsp301(LineInstrument):
 
 def parts(line: bytes) -> list[bytes]:
     """Return a line cut behind each command that may hold the rest of it."""
-    if len(line.strip()) > LONGEST_LINE:
+    if len(line.strip()) > MAX_LINE:
         return [line]
     cut: list[list[bytes]] = [[]]
     for command in line.split(b";"):

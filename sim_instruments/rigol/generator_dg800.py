@@ -40,7 +40,7 @@ SOURCES |= {"INT": "IMM", "INTERNAL": "IMM"}
 SOURCE_NAMES = {"EXT": "EXT", "BUS": "MAN", "IMM": "INT"}
 """By what `Channel` calls them."""
 IDLES = {"FPT": "FPT", "TOP": "TOP", "CENTER": "CENTER", "BOTTOM": "BOTTOM"}
-LONGEST_DELAY_S = 100.0
+MAX_DELAY_S = 100.0
 Held = dict[str, tuple[Callable[[str], None], Callable[[], str | float | bool]]]
 
 
@@ -133,7 +133,7 @@ class RigolDg800(ScpiDevice):
             ),
             "BURSt:TRIGger:SLOPe": (put("slope", SLOPES), lambda: channel.slope),
             "BURSt:TDELay": (
-                lambda text: setattr(channel, "delay_s", numeric(text, 0.0, LONGEST_DELAY_S, 0.0)),
+                lambda text: setattr(channel, "delay_s", numeric(text, 0.0, MAX_DELAY_S, 0.0)),
                 lambda: channel.delay_s,
             ),
             "BURSt:IDLE": (partial(self._set_idle, number), lambda: self._idle[number]),

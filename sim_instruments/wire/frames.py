@@ -20,7 +20,7 @@ from sim_instruments.faults.wire import Reply
 from sim_instruments.instrument import Electronics, ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer, is_closed
 
-LONGEST_PENDING = 4096
+MAX_PENDING = 4096
 
 
 class Arrived(NamedTuple):
@@ -86,7 +86,7 @@ class FrameStreamServer(TcpServer):
                     if client in self._dropped:
                         continue
                     arrived = self._split(pending + data)
-                    pending = arrived.rest[-LONGEST_PENDING:]
+                    pending = arrived.rest[-MAX_PENDING:]
                     for name, frame in arrived.frames:
                         self._take(name, frame)
         finally:

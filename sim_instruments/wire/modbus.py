@@ -18,7 +18,7 @@ from sim_instruments.wire.requests import Conversation, RequestServer
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4
-MOST_READ, MOST_WRITTEN = 125, 123
+MAX_READ, MAX_WRITTEN = 125, 123
 Words = Sequence[int]
 
 
@@ -72,7 +72,7 @@ class Registers:
                 return request
             if function == WRITE_MANY:
                 address, count, size = unpacked(">HHB", request[1:6])
-                if not 0 < count <= MOST_WRITTEN or size != 2 * count or len(request) != 6 + size:
+                if not 0 < count <= MAX_WRITTEN or size != 2 * count or len(request) != 6 + size:
                     raise ModbusError(ILLEGAL_VALUE)
                 self._write(address, unpacked(f">{count}H", request[6:]))
                 return request[:5]
@@ -82,7 +82,7 @@ class Registers:
 
     def _read(self, request: bytes) -> bytes:
         first, count = unpacked(">HH", request[1:])
-        if not 0 < count <= MOST_READ:
+        if not 0 < count <= MAX_READ:
             raise ModbusError(ILLEGAL_VALUE)
         if first not in self._owners or first + count - 1 > max(self._owners):
             raise ModbusError(ILLEGAL_ADDRESS)

@@ -18,7 +18,7 @@ from sim_instruments.wire.tcp import TcpServer, is_closed
 from station.clock import Clock, ClockStopped
 
 LARGEST_READ_BYTES = 65536
-LONGEST_LINE = 1 << 20
+MAX_LINE = 1 << 20
 """Of an instrument whose own limit no source gives."""
 BLOCK = re.compile(rb"#([1-9])")
 AT_ONCE = getattr(socket, "MSG_DONTWAIT", 0)
@@ -213,7 +213,7 @@ class LineServer(RequestServer):
         *,
         end: bytes = b"\n",
         at_once: bool = False,
-        longest: int = LONGEST_LINE,
+        longest: int = MAX_LINE,
         too_long: Callable[[], bytes] = bytes,
         blocks: bool = False,
         busy_s: float = 0.0,
@@ -293,7 +293,7 @@ class LineInstrument(ServedInstrument, ABC):
     resource: ClassVar[str] = "TCPIP::{host}::{port}::SOCKET"
     line_end: ClassVar[bytes] = b"\n"
     at_once: ClassVar[bool] = True
-    longest_line: ClassVar[int] = LONGEST_LINE
+    longest_line: ClassVar[int] = MAX_LINE
     takes_blocks: ClassVar[bool] = False
     busy_s: float = 0.0
     """How long after a line its answer goes out."""

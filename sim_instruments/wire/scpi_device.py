@@ -16,7 +16,7 @@ from sim_instruments.wire.scpi import (
 )
 from sim_instruments.wire.scpi import whole_number as whole
 
-REMEMBERED_MESSAGES, LONGEST_REMEMBERED = 4096, 1024
+REMEMBERED_MESSAGES, MAX_REMEMBERED = 4096, 1024
 Value = tuple[Callable[[str], None] | None, Callable[[], str] | None]
 """What takes the parameter of a header, and what gives the answer to its query."""
 
@@ -143,7 +143,7 @@ class ScpiDevice(LineInstrument):
                 except ScpiError as error:
                     handler = error
                 known.append((handler, unit.parameters))
-            if len(self._parsed) < REMEMBERED_MESSAGES and len(message) < LONGEST_REMEMBERED:
+            if len(self._parsed) < REMEMBERED_MESSAGES and len(message) < MAX_REMEMBERED:
                 self._parsed[message] = known
         return known
 

@@ -17,7 +17,7 @@ from sim_instruments.faults.wire import Reply
 from sim_instruments.instrument import Electronics, ServedInstrument, Setting
 from sim_instruments.wire.tcp import TcpServer
 
-LONGEST_COMMAND = 4096
+MAX_COMMAND = 4096
 OTHER_MODES = ("bcmmode", "controlmode", "isotpmode")
 
 
@@ -97,7 +97,7 @@ class SocketcandServer(TcpServer):
         try:
             while data := client.recv(65536):
                 *commands, pending = (pending + data.decode("ascii", "replace")).split(">")
-                pending = pending[-LONGEST_COMMAND:]
+                pending = pending[-MAX_COMMAND:]
                 for command in commands:
                     words = command.strip(" \r\n<").split()
                     if not words:

@@ -12,7 +12,7 @@ from station.errors import DamagedRecord, InputError, reason_of
 from station.files.lookup import is_there
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
-from station.record.integrity import MOST_FLAGS, first, sentence_of
+from station.record.integrity import MAX_FLAGS, first, sentence_of
 from station.record.later import add_revision, draft_revision
 from station.record.layout import EVENTS
 from station.record.recorded import read_run
@@ -147,7 +147,7 @@ def export_run(path: Path, format: str) -> None:
     folder = read_run(path)
     folder.damage.refuse_altered()
     folder.leave_out(folder.damage.units)
-    for part in folder.damage.parts[:MOST_FLAGS]:
+    for part in folder.damage.parts[:MAX_FLAGS]:
         tell(sentence_of(part))
     exports = path / EXPORTS
     name = path.resolve().name

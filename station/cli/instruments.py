@@ -24,7 +24,7 @@ from station.instruments.scan import draft, scan
 from station.procedure import procedure_of
 from station.runner.session import BenchSession, serve_bench
 
-MOST_AT_ONCE = 1 << 16
+MAX_AT_ONCE = 1 << 16
 LOOKS_EVERY_S = 0.2
 
 
@@ -128,7 +128,7 @@ def lines_of_input(ended: Event) -> Iterator[str]:
         handle = sys.stdin.fileno()
         while not ended.is_set():
             try:
-                piece = os.read(handle, MOST_AT_ONCE)
+                piece = os.read(handle, MAX_AT_ONCE)
             except OSError as error:
                 if not (isinstance(error, BlockingIOError) or in_background(handle)):
                     raise

@@ -81,7 +81,7 @@ def listed_run(entry: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": entry["run"], "about": "  ".join(filter(None, parts)), **entry}
 
 
-MOST_UNITS = 6
+MAX_UNITS = 6
 
 
 def print_status(run: Path | None, *, as_json: bool) -> None:
@@ -103,8 +103,8 @@ def rows(status: Status) -> list[tuple[str, str]]:
     dut = status.dut
     done = len(status.units_finished)
     of = "" if status.units_planned is None else f" of {status.units_planned}"
-    shown = ", ".join(status.units_finished[-MOST_UNITS:])
-    listed = f" ({'… ' if done > MOST_UNITS else ''}{shown})" if done else ""
+    shown = ", ".join(status.units_finished[-MAX_UNITS:])
+    listed = f" ({'… ' if done > MAX_UNITS else ''}{shown})" if done else ""
     table = [
         ("run", status.run),
         ("procedure", status.procedure or "unknown"),

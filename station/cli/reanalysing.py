@@ -16,7 +16,7 @@ from station.record.layout import EVENTS
 
 TABLE = "analysis.parquet"
 SAYS_EVERY_S = 5.0
-MOST_LISTED = 20
+MAX_LISTED = 20
 NOTICED_U = 1e-6
 """A change below this part of its uncertainty is the last digit of another processor."""
 
@@ -82,7 +82,7 @@ def summary_of(rows: Sequence[Row], runs: int, file: Path) -> dict[str, Any]:
         "evaluated": len({row["folder"] for row in results}),
         "results": len(results),
         "changed": len(changed),
-        "largest_changes": [{key: row[key] for key in keys} for row in changed[:MOST_LISTED]],
+        "largest_changes": [{key: row[key] for key in keys} for row in changed[:MAX_LISTED]],
         "verdicts_changed": sorted(
             {row["run"] for row in results if row["verdict"] != row["stored_verdict"]}
         ),
@@ -104,8 +104,8 @@ def print_summary(summary: dict[str, Any], recalled: str | None) -> None:
             f"  {row['run']} {row['name']} {row['axis'] or ''}: {row['stored_value']} → "
             f"{row['value']} {row['unit']}{moved}"
         )
-    if summary["changed"] > MOST_LISTED:
-        print(f"  {summary['changed'] - MOST_LISTED} more are in the table")
+    if summary["changed"] > MAX_LISTED:
+        print(f"  {summary['changed'] - MAX_LISTED} more are in the table")
     for run in summary["verdicts_changed"]:
         print(f"another verdict: {run}")
     for folder, why in summary["failed"].items():

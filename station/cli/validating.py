@@ -12,10 +12,10 @@ from typing import Any
 from station import registry
 from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
-from station.files.faults import MOST_FAULTS, listed, shortened, shown
+from station.files.faults import MAX_FAULTS, listed, shortened, shown
 from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import Plan, read_plan
-from station.files.plan.model import LONGEST, LONGEST_S
+from station.files.plan.model import LONGEST, MAX_S
 from station.files.plan.resolved import resolved_data, resolved_text
 from station.files.yaml.reading import Fault, FaultList
 from station.instruments.bench import Bench, read_bench
@@ -54,7 +54,7 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
     plan = read_plan(find(PLANS, name), Procedures(), overrides)
     procedure = procedure_of(plan.procedure)
     expected_s = procedure.duration(plan.parameters).expected_s
-    if not expected_s <= LONGEST_S:
+    if not expected_s <= MAX_S:
         what = f"the plan takes {span(expected_s)} of bench time, more than {LONGEST}; divide it"
         raise FaultList([plan.fault(("parameters",), what)])
     faults = [
@@ -112,11 +112,11 @@ def first_of(faults: Sequence[Fault]) -> list[dict[str, Any]]:
     """Return the first faults as data, and one that counts the others."""
     short = [
         replace(fault, where=shortened(fault.where), what=shortened(fault.what))
-        for fault in faults[:MOST_FAULTS]
+        for fault in faults[:MAX_FAULTS]
     ]
-    more = len(faults) - MOST_FAULTS
+    more = len(faults) - MAX_FAULTS
     if more > 0:
-        last = faults[MOST_FAULTS]
+        last = faults[MAX_FAULTS]
         short.append(replace(last, where="file", what=f"and {more} more faults", hint=None))
     return [vars(fault) for fault in short]
 

@@ -38,7 +38,7 @@ from station.record.verification import verify, was_in
 
 SHOWN = 16
 """Digits of a key's SHA-256 that people compare, and the fewest of a head that name it."""
-MOST_LINES = 40
+MAX_LINES = 40
 
 Trusted = Mapping[str, str]
 
@@ -227,10 +227,10 @@ def lines(verified: Verified) -> Iterator[str]:
         yield from signed(signature, verified.trusted)
     if verified.since is not None:
         yield f"  {len(verified.since)} events since that head" + (":" if verified.since else "")
-        for event in verified.since[:MOST_LINES]:
+        for event in verified.since[:MAX_LINES]:
             yield f"    {recorded_in_words(event)}"
-        if len(verified.since) > MOST_LINES:
-            yield f"    and {len(verified.since) - MOST_LINES} more"
+        if len(verified.since) > MAX_LINES:
+            yield f"    and {len(verified.since) - MAX_LINES} more"
 
 
 def signed(signature: Signature, trusted: Trusted | None) -> Iterator[str]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
 
-MOST_BETWEEN_LOOKS_S = 1.0
+MAX_BETWEEN_LOOKS_S = 1.0
 """A look counts no more than this: a process that was stopped for a while has missed no beat."""
 
 
@@ -93,7 +93,7 @@ class Pulses:
     def look(self, now_s: float) -> tuple[Quiet, ...]:
         """Return who has been silent for longer than it may at real time `now_s`."""
         with self._lock:
-            passed_s = min(now_s - self._looked_s, MOST_BETWEEN_LOOKS_S)
+            passed_s = min(now_s - self._looked_s, MAX_BETWEEN_LOOKS_S)
             self._looked_s = now_s
             for pulse, (beats, silent_s) in list(self._seen.items()):
                 if pulse.ended:

@@ -63,7 +63,7 @@ INTERRUPT_SLICE_S = 0.05
 PULSE_SLICE_S = 1.0
 """Who sleeps gives a sign of life at least so often."""
 REAL_PATIENCE_S = 0.5
-LONGEST_IN_MEMORY_S = 0.0737
+MAX_IN_MEMORY_S = 0.0737
 """Real time; no multiple of a reading period, as the other period of looking."""
 
 
@@ -184,7 +184,7 @@ class RealClock(Clock):
 
     def holding_s(self, run_seconds: float) -> float:
         """Return the same span, but less than 0.1 s of real time."""
-        return min(run_seconds, LONGEST_IN_MEMORY_S * self.speed)
+        return min(run_seconds, MAX_IN_MEMORY_S * self.speed)
 
     def pulse(self, name: str, longest_silence_s: float) -> Pulse:
         """Return the sign of life of this thread; a later one takes the place of an earlier."""

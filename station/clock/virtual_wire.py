@@ -13,7 +13,7 @@ from station.clock.base import Attendant, Wire
 from station.clock.turns import CALLED, SERVES, Participant, Turns
 from station.errors import reason_of
 
-MOST_LOOKS = 20
+MAX_LOOKS = 20
 """So often a reader that finds nothing looks again for what was written."""
 
 
@@ -204,7 +204,7 @@ class VirtualWire(Wire):
     def written(self) -> None:
         """Have the stream read until all that was counted is picked up, or nothing more comes."""
         looks = 0
-        while self._in_stream and self._listeners and looks < MOST_LOOKS:
+        while self._in_stream and self._listeners and looks < MAX_LOOKS:
             looks = 0 if any(read() for read in self._listeners) else looks + 1
 
 

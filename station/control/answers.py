@@ -33,7 +33,7 @@ def wait_for_person(clock: Clock, wakes: Event, over: Callable[[], bool]) -> Non
                 clock.sleep(LOOKS_EVERY_S * speed)
 
 
-class Desk:
+class PromptQueue:
     """Where a run without a terminal asks, and where whoever is attached to it answers."""
 
     def __init__(self, clock: Clock, within_s: float = ANSWERED_WITHIN_S) -> None:

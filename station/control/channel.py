@@ -32,7 +32,7 @@ from typing import Any
 
 from station.safety.acknowledgement import APPLICATION, state_folder
 
-LONGEST_ADDRESS = 100
+MAX_ADDRESS = 100
 """Linux takes 107 bytes, macOS 103."""
 PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
 OF_OTHERS = 0o077
@@ -86,7 +86,7 @@ def places(run: Path) -> Iterator[Place]:
             yield Place(PIPE + digest, "AF_PIPE", key_file)
             continue
         address = str(folder / f"{digest}.sock")
-        if len(os.fsencode(address)) <= LONGEST_ADDRESS:
+        if len(os.fsencode(address)) <= MAX_ADDRESS:
             yield Place(address, "AF_UNIX", key_file)
 
 
@@ -121,7 +121,7 @@ def is_private(folder: Path) -> bool:
     return own and not facts.st_mode & OF_OTHERS
 
 
-LONGEST_MESSAGE = 65536
+MAX_MESSAGE = 65536
 BACKLOG = 8
 LOOKS_EVERY_S = 0.1
 """Real time between two looks whether who asked is still there."""
@@ -226,7 +226,7 @@ class Channel:
         """Return the request of somebody who has the key."""
         deliver_challenge(connection, self._key)
         answer_challenge(connection, self._key)
-        request = json.loads(connection.recv_bytes(LONGEST_MESSAGE))
+        request = json.loads(connection.recv_bytes(MAX_MESSAGE))
         if not isinstance(request, dict):
             raise ValueError("no request")
         return Incoming(str(request.pop("ask", None)), request)

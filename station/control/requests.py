@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from station.clock import Clock
 from station.console import tell
-from station.control.answers import Desk, wait_for_person
+from station.control.answers import PromptQueue, wait_for_person
 from station.control.channel import Channel, Incoming
 from station.control.signals import ended_by
 from station.errors import Aborted, InstrumentError, PauseRefused
@@ -81,7 +81,7 @@ def ask_for_rest(name: str, instrument: MadeSafe, words: Words) -> None:
         words.refused[name] = f"it is not at rest: {reading.read_back}"
 
 
-LONGEST_CAUSE = 200
+MAX_CAUSE = 200
 ABORT_VERB = "`station abort`"
 ENDS_FIRST = "the run ends first"
 NO_UNIT_FOLLOWS = "no pause comes: the run is in its last unit of work, or past it, and ends first"
@@ -156,7 +156,7 @@ class Control:
         self._ending = False
         self._abort: Aborted | None = None
         self._made_safe: list[dict[str, Any]] | None = None
-        self.desk = Desk(clock)
+        self.desk = PromptQueue(clock)
         self.hurry: Callable[[], None] = lambda: None
         """Cuts short the waits of making the bench safe."""
         self.live: Callable[[], Mapping[str, Any]] = dict
@@ -273,7 +273,7 @@ class Control:
             incoming.answer(outcome="ending", said=ENDS_ALREADY)
             return
         by = str(incoming.details.get("by", ABORT_VERB))
-        self._abort = ended_by(by[:LONGEST_CAUSE] if by.isprintable() else ABORT_VERB)
+        self._abort = ended_by(by[:MAX_CAUSE] if by.isprintable() else ABORT_VERB)
         self._clock.interrupt(self._abort)
         self._wakes.set()
         incoming.answer(outcome="ending", said=RECEIVED)

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 from station.errors import InputError
 
-MOST_FAULTS = 20
+MAX_FAULTS = 20
 """So many faults are listed, then how many more there are."""
 LONGEST = 300
 """So many characters of a key or a value are shown."""
@@ -45,9 +45,9 @@ class FaultList(InputError):
 
 def shown(faults: Sequence[Fault]) -> list[str]:
     """Return the lines of the first faults, and one that counts the others."""
-    more = len(faults) - MOST_FAULTS
+    more = len(faults) - MAX_FAULTS
     rest = [f"and {more} more faults"] if more > 0 else []
-    return [*(str(fault) for fault in faults[:MOST_FAULTS]), *rest]
+    return [*(str(fault) for fault in faults[:MAX_FAULTS]), *rest]
 
 
 def shortened(text: str) -> str:

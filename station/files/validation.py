@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Loc = tuple[str | int, ...]
-MOST_LOOKED_AT = 200
+MAX_LOOKED_AT = 200
 
 _WANTED = {
     "string_type": "text",
@@ -67,13 +67,13 @@ def check_model(
     except ValidationError as error:
         faults: dict[tuple[object, ...], Fault] = {}
         details = error.errors(include_url=False)
-        for detail in details[:MOST_LOOKED_AT]:
+        for detail in details[:MAX_LOOKED_AT]:
             fault = _fault(document, model, at, dict(detail))
             # A union reports each of its branches at the same place; the first says enough.
             where = (fault.where, fault.line, fault.column)
             faults.setdefault(where, fault)
         listed = list(faults.values())
-        more = len(details) - MOST_LOOKED_AT
+        more = len(details) - MAX_LOOKED_AT
         if more > 0:
             listed.append(document.fault(at, f"has {more} more faults"))
         return None, listed

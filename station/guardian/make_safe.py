@@ -19,15 +19,15 @@ from station import registry
 from station.clock import RealClock
 from station.errors import EXIT_DONE, EXIT_FAULT, StationError, reason_of
 from station.guardian.messages import DONE, WAITS, Instructions
-from station.guardian.notes import LEAVE, AtWork, Background, Notes, WordOfWork, Words
+from station.guardian.notes import LEAVE, AtWork, Background, GuardianLock, Notes, Words
 from station.guardian.opening import OPENS_WITHIN_S, Reopening, rehearse
 from station.guardian.processes import OtherProcess, end_all, let_end
-from station.guardian.watching import Duty, Peer
+from station.guardian.watching import Peer, SafingOrder
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Probe, put_settings_back
-from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut
+from station.instruments.whole_bench import BenchReading, LeftOut, UnusedInstruments
 from station.record.events import AT_REST_AGAIN, BENCH_READ, LEFT, SAFE_STATE, whole_bench
 from station.roles.base import MadeSafe
 from station.safety.acknowledgement import WITNESS, remember
@@ -65,9 +65,9 @@ class MakeSafe:
         self._clock = RealClock(instructions.speed, instructions.epoch_unix)
         self._locks = InstrumentLocks(f"the guardian of {self._folder}", instructions.world)
         self._reopening = Reopening(self._bench, self._addresses, self._clock, self._locks)
-        self._at_work = WordOfWork(instructions.folder)
+        self._at_work = GuardianLock(instructions.folder)
         self._saying = Background("who holds the locks")
-        self._bystanders = Bystanders(
+        self._bystanders = UnusedInstruments(
             self._bench,
             self._addresses,
             self._clock,
@@ -119,7 +119,7 @@ class MakeSafe:
                 address = self._addresses.get(name, entry.address or "")
                 rehearse(name, self._bench, address)
 
-    def make_safe(self, duty: Duty, runner: OtherProcess) -> int:
+    def make_safe(self, duty: SafingOrder, runner: OtherProcess) -> int:
         """End who is in the way, make safe until all is, and return the exit code."""
         self._ballast.clear()
         self._until_s = self._real.now() + 2 * ENDS_WITHIN_S

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 LARGEST_READ_BYTES = 1 << 16
-MOST_FILES = 100
+MAX_FILES = 100
 """Open files that go with one message; the system takes 253."""
 
 
@@ -88,7 +88,7 @@ class Channel:
     else:
 
         def _read(self) -> bytes:
-            data, files, _, _ = socket.recv_fds(self.end, LARGEST_READ_BYTES, MOST_FILES)
+            data, files, _, _ = socket.recv_fds(self.end, LARGEST_READ_BYTES, MAX_FILES)
             for file in files:
                 os.set_inheritable(file, False)
             self._files.extend(files)

@@ -61,7 +61,7 @@ class AtWork:
             ) from error
 
 
-class WordOfWork:
+class GuardianLock:
     """The lock by which others find this guardian, for as long as it is at work."""
 
     def __init__(self, folder: str) -> None:

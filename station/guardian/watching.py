@@ -97,7 +97,7 @@ FIRST_IS_GONE = "the first guardian of the run does not act"
 
 
 @dataclass(frozen=True)
-class Duty:
+class SafingOrder:
     """Why a bench must be made safe, what of it, and whether the run's process has let go of it."""
 
     why: str
@@ -144,7 +144,7 @@ class Watching:
         self._handed_over: str | None = None
         self._dismissed = False
 
-    def until_end(self) -> Duty | None:
+    def until_end(self) -> SafingOrder | None:
         """Return what is to be done once it is this guardian's turn, None where nothing is.
 
         A run that stands still before it has anything to watch is waited for. The second guardian
@@ -175,7 +175,7 @@ class Watching:
                 return None
             if self._rank == 0 or not self._peer.can_act:
                 also = f"; {FIRST_IS_GONE}" if self._rank else ""
-                return Duty(why + also, self._watched, let_go=self._handed_over is not None)
+                return SafingOrder(why + also, self._watched, let_go=self._handed_over is not None)
 
     def _wait(self) -> None:
         """Wait until somebody says something, not longer than until the next look."""

@@ -32,7 +32,7 @@ from station.safety.bounds import COIL
 CONNECT_S = 1.0
 ANSWER_S = 1.0
 IDENTIFY = b"*IDN?\r\n"
-LONGEST_ANSWER = 4096
+MAX_ANSWER = 4096
 MODBUS_PORT = 502
 CAN_PORTS = (28600, 29536)
 TEXT_PORTS = (5025, 7777, 9878, 5000)
@@ -92,12 +92,12 @@ def ask_text(line: socket.socket, host: str, port: int) -> Seen:
 def ask_modbus(line: socket.socket, host: str, port: int) -> Seen:
     """Ask for the device identification; OSError when nothing comes back."""
     line.sendall(MODBUS_QUESTION)
-    return Seen(f"{host}:{port}", modbus_identity(line.recv(LONGEST_ANSWER)))
+    return Seen(f"{host}:{port}", modbus_identity(line.recv(MAX_ANSWER)))
 
 
 def ask_can(line: socket.socket, host: str, port: int) -> Seen | None:
     """Wait for the greeting of a CAN daemon; OSError when nothing comes."""
-    if line.recv(LONGEST_ANSWER) != b"< hi >":
+    if line.recv(MAX_ANSWER) != b"< hi >":
         return None
     return Seen(f"socketcand://{host}:{port}/CHANNEL", "a CAN daemon")
 
@@ -107,8 +107,8 @@ def first_line(line: socket.socket) -> str:
     line.settimeout(ANSWER_S)
     line.sendall(IDENTIFY)
     answer = b""
-    while b"\n" not in answer and len(answer) < LONGEST_ANSWER:
-        more = line.recv(LONGEST_ANSWER)
+    while b"\n" not in answer and len(answer) < MAX_ANSWER:
+        more = line.recv(MAX_ANSWER)
         if not more:
             raise ConnectionError("closed before a whole line came")
         answer += more

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 WITHIN_S = 10.0
 """Real time for all of them together; a dead address costs its connect deadline, 2 s."""
-MOST_AT_ONCE = 8
+MAX_AT_ONCE = 8
 SILENT = "does not answer"
 IN_USE = "in use by "
 
@@ -129,7 +129,7 @@ def _may_harm(driver: str) -> bool:
 
 
 @dataclass
-class Bystanders:
+class UnusedInstruments:
     """The instruments of a bench outside a run, and how they are read.
 
     `holder` is the name under which other processes see who reads; `own` are the locks that this
@@ -253,7 +253,7 @@ def at_once(
 
     readers = [
         Thread(target=work, name=f"reads the bench {number + 1}", daemon=True)
-        for number in range(min(MOST_AT_ONCE, len(groups)))
+        for number in range(min(MAX_AT_ONCE, len(groups)))
     ]
     with suppress(RuntimeError):  # no memory for more: those that began do the work
         for reader in readers:

@@ -17,7 +17,7 @@ COOKIE = "station-panel-"
 """And the port: a browser keeps one set of cookies for every port of a computer."""
 LARGEST_REQUEST = 65536
 GUESS_EVERY_S, MAX_WAIT_S = 1.0, 10.0
-MOST_PEERS = 1000
+MAX_PEERS = 1000
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 OPEN_PATHS = ("/login", "/static/")
 POLICY = (
@@ -64,7 +64,7 @@ class Turns:
     """When each computer's next token is looked at: one a second after a wrong one of its own.
 
     Its guesses queue up behind one another, and behind nobody else's. The computers that came last
-    are remembered, and no more than `MOST_PEERS`.
+    are remembered, and no more than `MAX_PEERS`.
     """
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Turns:
             return None
         self._free_s.pop(peer, None)
         self._free_s[peer] = now_s + wait_s + GUESS_EVERY_S
-        if len(self._free_s) > MOST_PEERS:
+        if len(self._free_s) > MAX_PEERS:
             del self._free_s[next(iter(self._free_s))]
         return wait_s
 

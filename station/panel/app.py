@@ -23,11 +23,11 @@ from station import registry
 from station.clock import boot_seconds
 from station.errors import StationError
 from station.panel.access import GUESS_EVERY_S, Access, Guard, Role, Turns, cookie_of, peer_of
-from station.panel.overview import MOST_RUNS, benches, plans
+from station.panel.overview import MAX_RUNS, benches, plans
+from station.panel.run_requests import REQUESTS, RunRequests
 from station.panel.starting import Starting, Wanted
 from station.panel.streams import Streams
 from station.panel.watching import RunWatch
-from station.panel.wishes import REQUESTS, Wishes
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
@@ -52,7 +52,7 @@ class Panel:
         self._starting = starting
         self._access = access
         self._watched: dict[str, RunWatch] = {}
-        self._wishes = Wishes()
+        self._wishes = RunRequests()
         self._streams = Streams()
         self._lock = Lock()
         self._turns = Turns()
@@ -140,7 +140,7 @@ class Panel:
         with self._looks:
             seen_s, searched, seen = self._seen
             if searched != search or boot_seconds() - seen_s > SEEN_FOR_S:
-                runs = newest_runs(self._runs, search, MOST_RUNS)
+                runs = newest_runs(self._runs, search, MAX_RUNS)
                 seen = {"benches": benches(self._runs), "plans": plans(), "runs": runs}
                 self._seen = boot_seconds(), search, seen
             return seen

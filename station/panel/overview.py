@@ -14,12 +14,12 @@ from station.instruments.bench import Bench, read_bench
 from station.record.run_list import newest_runs
 from station.safety.acknowledgement import addresses_in, unacknowledged
 
-MOST_RUNS = 50
+MAX_RUNS = 50
 
 
 def benches(runs: Path) -> list[dict[str, Any]]:
     """Return each known bench: name, title, whether it is tripped or in use, calibration due."""
-    used = {run["bench"]: run["run"] for run in newest_runs(runs, most=MOST_RUNS) if run["running"]}
+    used = {run["bench"]: run["run"] for run in newest_runs(runs, most=MAX_RUNS) if run["running"]}
     rows: list[dict[str, Any]] = []
     for name, _ in available(BENCHES):
         path = find(BENCHES, name)

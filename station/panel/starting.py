@@ -10,7 +10,7 @@ from station.files.lookup import BENCHES, PLANS, available
 from station.files.plan.composition import identifying
 from station.panel.access import Role
 
-LONGEST_WORD = 200
+MAX_WORD = 200
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Wanted:
         """Return what a request names; raises InputError."""
         words = {name: data.get(name, "") for name in ("plan", "bench", "serial", "operator")}
         for name, word in words.items():
-            if not isinstance(word, str) or len(word) > LONGEST_WORD or not word.isprintable():
-                raise InputError(f"{name}: write one line of {LONGEST_WORD} characters at most")
+            if not isinstance(word, str) or len(word) > MAX_WORD or not word.isprintable():
+                raise InputError(f"{name}: write one line of {MAX_WORD} characters at most")
         for kind, name in ((PLANS, words["plan"]), (BENCHES, words["bench"])):
             if name not in dict(available(kind)):
                 raise InputError(f"there is no {kind.removesuffix('s')} of the name '{name}'")

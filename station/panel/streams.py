@@ -12,7 +12,7 @@ from starlette.requests import Request
 from station.panel.watching import LOOKS_EVERY_S, RunWatch
 
 BEAT_S = 1.0
-MOST_STREAMS = 3
+MAX_STREAMS = 3
 """That stay open. A browser opens six connections to a server, and an abort needs one of them."""
 AGAIN_MS = 1000
 
@@ -27,7 +27,7 @@ class Streams:
         """Yield what is new since the browser's last event, for as long as it listens."""
         client = request.client.host if request.client else ""
         seen = watch.seen_at(request.headers.get("last-event-id", ""))
-        stays = self._open[client] < MOST_STREAMS
+        stays = self._open[client] < MAX_STREAMS
         self._open[client] += stays
         since_beat_s = BEAT_S
         try:

@@ -75,7 +75,7 @@ MESSAGE = struct.Struct("<BQHIQQ")
 """Kind, length, channel, number, time of the log, time of publication; the rows follow."""
 CHANNEL = struct.Struct("<BQHHI")
 """Kind, length, channel, schema, length of its topic; the topic follows."""
-MOST_OF_A_NAME = 1 << 12
+MAX_OF_A_NAME = 1 << 12
 FEW = 4
 CHUNK_BEGINS = re.compile(rb"\x06.{8}(.{8})\1(.{8}).{4}\x00\x00\x00\x00\2", re.DOTALL)
 WINDOW = 1 << 20
@@ -263,7 +263,7 @@ def _damaged(file: IO[bytes], at: int, end: int) -> _Loose:
     as the next whole block.
     """
     file.seek(at)
-    head = file.read(CHUNK.size + MOST_OF_A_NAME)
+    head = file.read(CHUNK.size + MAX_OF_A_NAME)
     if len(head) < CHUNK.size:
         return _Loose(at, end - at, DAMAGED_BLOCK)
     _, length, _, _, size, _, _, inner = CHUNK.unpack_from(head)

@@ -8,9 +8,9 @@ from typing import Any
 
 from station.record.files import is_own_file
 
-MOST_BYTES = 16_000_000
+MAX_BYTES = 16_000_000
 """Of a file that is read as a whole."""
-LONGEST_LINE = 4_000_000
+MAX_LINE = 4_000_000
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -21,7 +21,7 @@ def read_json(path: Path) -> dict[str, Any]:
 def own_text(path: Path) -> str:
     """Return the text of a file, empty where it cannot be read, is a link, or is too large."""
     try:
-        if not is_own_file(path) or path.stat().st_size > MOST_BYTES:
+        if not is_own_file(path) or path.stat().st_size > MAX_BYTES:
             return ""
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError):
@@ -34,7 +34,7 @@ def first_line(path: Path) -> dict[str, Any]:
         if not is_own_file(path):
             return {}
         with path.open(encoding="utf-8") as log:
-            return mapping(log.readline(LONGEST_LINE))
+            return mapping(log.readline(MAX_LINE))
     except (OSError, ValueError):
         return {}
 

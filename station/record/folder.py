@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 RESULTS = "results.json"
 REPORT = "report.html"
 EXPORTS = "exports"
-MOST_LATER = 1000
+MAX_LATER = 1000
 FACTS = ("started_utc", "station", "python", "packages", "host", "system")
 PIECE_ROWS = 2**19
 """Rows that are read at once; what is longer is read in pieces."""
@@ -83,7 +83,7 @@ class RunRecord:
         self.path = path
         self.faults: list[str] = []
         """What could not be written while the bench was being made safe, and after."""
-        self._later: deque[tuple[float, str, dict[str, Any]]] = deque(maxlen=MOST_LATER)
+        self._later: deque[tuple[float, str, dict[str, Any]]] = deque(maxlen=MAX_LATER)
         self.after_unit: list[Callable[[str], None]] = []
         """What is called with the name of each unit of work when it is finished."""
         self._clock = clock

@@ -69,7 +69,7 @@ USED = ("plan.yaml", "bench.yaml", PLAN, BENCH, RUN, EVENTS, GUARDIAN_LOG)
 """What results are made of, or the report shows; what is not here and not raw is made of it."""
 GROWS_LATER = (RUN, EVENTS, GUARDIAN_LOG)
 """What a resumed run goes on writing, before it makes the manifest anew."""
-MOST_FLAGS = 20
+MAX_FLAGS = 20
 
 
 class OpenedRecord(Protocol):
@@ -192,10 +192,10 @@ class FolderState:
 
     def flags(self) -> Iterator[Flag]:
         """Yield a flag for each damaged part, and one where there is no manifest."""
-        for part in self.parts[:MOST_FLAGS]:
+        for part in self.parts[:MAX_FLAGS]:
             details = {"file": part.file, "byte": part.byte, "units": list(part.units)}
             yield Flag("data-damaged", sentence_of(part), details=details)
-        more = len(self.parts) - MOST_FLAGS
+        more = len(self.parts) - MAX_FLAGS
         if more > 0:
             out = ", ".join(first(self.units))
             yield Flag(
@@ -226,8 +226,8 @@ def sentence_of(part: DamagedPart) -> str:
 
 def first(several: tuple[str, ...]) -> list[str]:
     """Return the first of several, and how many more there are."""
-    more = len(several) - MOST_FLAGS
-    return [*several[:MOST_FLAGS], *([f"and {more} more"] if more > 0 else [])]
+    more = len(several) - MAX_FLAGS
+    return [*several[:MAX_FLAGS], *([f"and {more} more"] if more > 0 else [])]
 
 
 def state_of(folder: OpenedRecord, *, whole: bool) -> FolderState:
@@ -417,10 +417,10 @@ def _recorded(folder: OpenedRecord) -> dict[str, str]:
 def data_hash(file: Path) -> str:
     """Return the SHA-256 of what a resolved plan or bench says, empty where it cannot be read."""
     from station.files.faults import FaultList
-    from station.files.yaml.reading import MOST_BYTES, read_text
+    from station.files.yaml.reading import MAX_BYTES, read_text
 
     try:
-        return _hash_of_yaml(read_text(file, MOST_BYTES), file)
+        return _hash_of_yaml(read_text(file, MAX_BYTES), file)
     except FaultList:
         return ""
 

@@ -29,7 +29,7 @@ REVISIONS = "revisions"
 GUARDIAN_LOG = "guardian.jsonl"
 PLAN, BENCH = "plan.resolved.yaml", "bench.resolved.yaml"
 BENCH_AS_WRITTEN = "bench.yaml"
-MOST_OF_ONE_NAME = 1000
+MAX_OF_ONE_NAME = 1000
 
 
 def new_folder(parent: Path, name: str) -> Path:
@@ -43,7 +43,7 @@ def new_folder(parent: Path, name: str) -> Path:
         raise RecordError(
             f"cannot make the folder {parent}: {error.strerror}; choose another place with --output"
         ) from error
-    for number in range(1, MOST_OF_ONE_NAME):
+    for number in range(1, MAX_OF_ONE_NAME):
         path = parent / numbered(name, number)
         try:
             path.mkdir()
@@ -81,7 +81,7 @@ def folder_with_head(parent: Path, name: str, head: Mapping[str, str | bytes]) -
 
 def moved(folder: Path, parent: Path, name: str) -> Path:
     """Move a folder to the first free one of `parent/name`, `name-2`, `name-3`."""
-    for number in range(1, MOST_OF_ONE_NAME):
+    for number in range(1, MAX_OF_ONE_NAME):
         place = parent / numbered(name, number)
         if place.exists():
             continue

@@ -24,15 +24,15 @@ from station.units import shown_in
 
 Array = NDArray[np.float64]
 
-MOST_POINTS = 600
+MAX_POINTS = 600
 COUNTED = "counts"
-MOST_COLUMNS = 4
+MAX_COLUMNS = 4
 """Of a source: the first ones, as the driver orders them."""
 NO_QUANTITY = ("time_s", "state", "flags", "sequence", "number", "valid")
 
 
 class Thinned:
-    """A growing series of the extremes of as many rows each as keeps it below `MOST_POINTS`.
+    """A growing series of the extremes of as many rows each as keeps it below `MAX_POINTS`.
 
     `counted` values only grow: the last of so many stands for them, since what is shown is their
     change. `mean` is that of all values.
@@ -56,7 +56,7 @@ class Thinned:
         while True:
             whole = len(rows) // self._each * self._each
             groups = self._kept(rows[:whole].reshape(-1, self._each, 2))
-            if (len(self._groups) + len(groups)) * per_group < MOST_POINTS:
+            if (len(self._groups) + len(groups)) * per_group < MAX_POINTS:
                 break
             even = len(self._groups) // 2 * 2
             odd = np.repeat(self._groups[even:].reshape(-1, 2), self._each, axis=0)[: self._each]
@@ -195,4 +195,4 @@ def columns_of(rows: Any) -> list[str]:
         and not rows.dtype[name].shape
         and not name.endswith(NO_QUANTITY)
     ]
-    return names[:MOST_COLUMNS]
+    return names[:MAX_COLUMNS]

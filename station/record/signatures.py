@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 PRIVATE_MODE = 0o600
-LONGEST_NAME = 200
-MOST_BYTES = 100_000
+MAX_NAME = 200
+MAX_BYTES = 100_000
 PEM = re.compile(r"-----BEGIN PUBLIC KEY-----.*?-----END PUBLIC KEY-----", re.DOTALL)
 PRINT = re.compile(r"[0-9a-f]{64}")
 DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError)
@@ -188,7 +188,7 @@ def sign(folder: Path, key_path: Path, signer: str, time: datetime) -> Signature
 
 
 def _is_name(text: str) -> bool:
-    return bool(text.strip()) and text.isprintable() and len(text) <= LONGEST_NAME
+    return bool(text.strip()) and text.isprintable() and len(text) <= MAX_NAME
 
 
 def _private_key(path: Path) -> Ed25519PrivateKey:
@@ -276,7 +276,7 @@ def _read(path: Path, states: States) -> Signature:
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
-    if not is_own_file(path) or path.stat().st_size > MOST_BYTES:
+    if not is_own_file(path) or path.stat().st_size > MAX_BYTES:
         return Signature(path.name, "", "", "", "forged", why="it is no plain file")
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))

@@ -7,7 +7,7 @@ from typing import Any
 
 from station.runner.trace import readable
 
-MOST_SHOWN = 20
+MAX_SHOWN = 20
 LONGEST = 60
 BEFORE = 20
 """Bytes that are shown before the first that differs."""
@@ -67,9 +67,9 @@ class Deviations:
         """Return what a person is shown: the first differences, and how many there are."""
         lines = [
             *self.altered,
-            *(deviation.sentence for deviation in self.differences[:MOST_SHOWN]),
+            *(deviation.sentence for deviation in self.differences[:MAX_SHOWN]),
         ]
-        left_out = len(self.differences) - MOST_SHOWN
+        left_out = len(self.differences) - MAX_SHOWN
         if left_out > 0:
             lines.append(f"and {left_out} more; --json lists all of them")
         count = len(self.differences)

@@ -19,7 +19,7 @@ EARLY_S = 1e-6
 """A stream comes so much before its recorded time: whoever looked just then had seen it."""
 LATE_S = 1.0
 """A stream waits no longer than this for a message that it came behind."""
-MOST_AHEAD = 20
+MAX_AHEAD = 20
 """So many messages may be sent in another order: two threads take a line as they come."""
 ALIKE = 0.7
 BROKE = b"the line broke"
@@ -257,7 +257,7 @@ class ReplayPort:
         """Return which entry a message is; a deviation is noted, and stands for what it is like."""
         wire = self._wire
         wire.deviations.exchanges += 1
-        for n in list(self._sent)[:MOST_AHEAD]:
+        for n in list(self._sent)[:MAX_AHEAD]:
             if self._entries[n].data == data:
                 self._sent.remove(n)
                 self._known[data] = n

@@ -30,14 +30,14 @@ class Table:
 
 
 Part = Plot | Table
-MOST_ROWS = 40
+MAX_ROWS = 40
 
 
 def first_rows(
     title: str, caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]
 ) -> Table:
     """Return a table of the first 40 rows; its caption ends with how many more there are."""
-    more = len(rows) - MOST_ROWS
+    more = len(rows) - MAX_ROWS
     if more > 0:
         caption = f"{caption} {more} more are not shown."
-    return Table(title, caption, columns, rows[:MOST_ROWS])
+    return Table(title, caption, columns, rows[:MAX_ROWS])

@@ -26,7 +26,7 @@ from station.errors import (
 from station.files.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.instruments.bench import Bench
-from station.procedure import Procedures, as_declared, procedure_of
+from station.procedure import Procedures, check_findings, procedure_of
 from station.record.events import RESUMED, SAFE_STATE, TIME_MISSED
 from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.files.plan import Plan
 
-MOST_UNITS = 6
+MAX_UNITS = 6
 LIBRARIES_BYTES = 280_000_000
 """Address space that SciPy and a report take, once a record is read; little of it is touched."""
 
@@ -100,7 +100,7 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
     while True:
         try:
             findings = procedure.evaluate_run(folder, plan.parameters, bench)
-            return as_declared(procedure, findings), missing
+            return check_findings(procedure, findings), missing
         except MissingRows as error:
             if error.unit not in folder.finished_units():
                 raise
@@ -177,7 +177,7 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
         before = ", ".join(units) or "nothing"
         backwards = {key: details[key] for key in ("backwards_s",) if key in details}
         warned = f" {runs_backwards(**backwards)}" if backwards else ""
-        if len(units) > MOST_UNITS:
+        if len(units) > MAX_UNITS:
             before = f"{len(units)} units of work, the last {units[-1]}"
         yield Flag(
             "resumed",
@@ -229,7 +229,7 @@ def flags_of_guardians(folder: RunFolder) -> Iterator[Flag]:
     if lost:
         listed = "; ".join(
             f"{words['guardian']} {words['message']} at {words['at_s']:.0f} s"
-            for words in (event.details for event in lost[:MOST_UNITS])
+            for words in (event.details for event in lost[:MAX_UNITS])
         )
         yield Flag(
             "guardian-lost",
@@ -301,7 +301,7 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
     procedure = procedure_of(raw.procedure)
     try:
         with quiet_numbers():
-            findings = as_declared(procedure, procedure.evaluate_dataset(raw))
+            findings = check_findings(procedure, procedure.evaluate_dataset(raw))
             return conclude(raw.procedure, findings, {}, "simple"), findings
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(

@@ -28,7 +28,7 @@ from station.record.layout import BENCH, BENCH_AS_WRITTEN, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
 from station.runner.operator import Operator
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
-from station.runner.preflight import look_before_a_run, watch_system_clock
+from station.runner.preflight import preflight, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.run import Run
 from station.runner.session import BenchSession, Replay
@@ -88,7 +88,7 @@ def execute(request: Request) -> Outcome:
             detached=request.announce is not None,
         )
         operator.check(all_prompts(procedure, plan, bench))
-        warned = look_before_a_run(plan, procedure, bench, request.output, clock, real=session.real)
+        warned = preflight(plan, procedure, bench, request.output, clock, real=session.real)
         inputs = inputs_of(procedure, plan)
         head: dict[str, str | bytes] = {
             **head_of(plan, bench, clock, request.served),

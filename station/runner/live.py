@@ -20,7 +20,7 @@ NO_QUANTITY = ("sequence", "counter", "number", "valid", "state", "flags", "time
 """Ends of names of columns that say when and whether, not what."""
 NAME = re.compile(r"(.+?)_([A-Za-z]+(?:_per_[a-z]+2?)?)")
 """The name of a column: its quantity and its unit."""
-MOST_READ = 6
+MAX_READ = 6
 """Values of one instrument: its first ones, as its driver orders them."""
 
 
@@ -69,7 +69,7 @@ class LiveBoard:
                     "set": commanded.get(name, ""),
                     "read": [
                         {"quantity": quantity, "text": text, "age_s": round(now_s - at_s, 1)}
-                        for quantity, (text, at_s) in list(read.get(name, {}).items())[:MOST_READ]
+                        for quantity, (text, at_s) in list(read.get(name, {}).items())[:MAX_READ]
                     ],
                 }
                 for name in sorted({*commanded, *read})

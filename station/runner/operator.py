@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from station.clock import Clock, RealClock
 from station.console import tell
-from station.control.answers import Desk
+from station.control.answers import PromptQueue
 from station.control.signals import wishes_end_a_prompt
 from station.errors import Aborted, InputError, UnansweredPrompt
 from station.method.prompts import ABORT, DONE, Asking, Prompt, ended_at, meaning
@@ -69,10 +69,10 @@ class Operator:
         self._act = act
         self._rehearse = rehearse
         self._detached = detached
-        self._desk: Desk | None = None
+        self._desk: PromptQueue | None = None
         """Where a detached run gets its answers, None where this process has a terminal."""
 
-    def listen_at(self, desk: Desk) -> None:
+    def listen_at(self, desk: PromptQueue) -> None:
         """Get the answers of a detached run from there."""
         self._desk = desk if self._detached else None
 

@@ -35,7 +35,7 @@ class Warned:
     sentence: str
 
 
-def look_before_a_run(
+def preflight(
     plan: Plan, procedure: Procedure, bench: Bench, output: Path, clock: Clock, *, real: bool
 ) -> list[Warned]:
     """Return what the operator should know before a run begins; nothing is written.

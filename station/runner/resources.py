@@ -24,7 +24,7 @@ BESIDE_RAW_BYTES = 5_000_000
 """Log, tables, results and the two copies of the report."""
 FRAMING_BYTES = 80
 """What a block's chunk and message add to its rows."""
-COLUMNS_IF_NOT_TOLD = 8
+DEFAULT_COLUMN_COUNT = 8
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def columns_of(bench: Bench, instrument: str) -> tuple[str, ...]:
     """Return the columns that the driver of an instrument says it records."""
     driver = registry.load(registry.DRIVERS, bench.instruments[instrument].driver)
     names: Any = getattr(driver, "columns", None)
-    return tuple(names) if names else tuple(f"column-{n}" for n in range(COLUMNS_IF_NOT_TOLD))
+    return tuple(names) if names else tuple(f"column-{n}" for n in range(DEFAULT_COLUMN_COUNT))
 
 
 def widths(columns: tuple[str, ...]) -> tuple[int, int]:

@@ -33,7 +33,7 @@ from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.preflight import SMALLEST_JUMP_S, watch_system_clock
 from station.runner.progress import Progress, how_long
-from station.runner.run import Past, Run
+from station.runner.run import EarlierProgress, Run
 from station.runner.session import RESUME, BenchSession
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
@@ -227,14 +227,14 @@ def refuse_another_world(
     )
 
 
-def past_of(folder: RunFolder, *, again: bool) -> Past:
+def past_of(folder: RunFolder, *, again: bool) -> EarlierProgress:
     """Return what the folder holds already; `again`: the acts of a person must be done again."""
     answered = {
         details["id"]: details["answer"]
         for details in folder.state.answered
         if not again and details.get("of") != "driver"
     }
-    return Past(folder.finished_units(), answered, folder.state.witnessed)
+    return EarlierProgress(folder.finished_units(), answered, folder.state.witnessed)
 
 
 def silent_since(folder: RunFolder) -> float:
@@ -287,7 +287,7 @@ def sentences(
     folder: Path,
     procedure: Procedure,
     plan: Plan,
-    past: Past,
+    past: EarlierProgress,
     ago: str,
     changed: Mapping[str, Any],
 ) -> Iterator[str]:

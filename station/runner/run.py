@@ -52,7 +52,7 @@ COMPUTES_WITHIN_S = 120.0
 
 
 @dataclass(frozen=True)
-class Past:
+class EarlierProgress:
     """What earlier processes of the same run left: units they finished, prompts that still hold.
 
     `finished` maps each unit to the details of its event; `answered` each prompt id to its answer,
@@ -76,14 +76,14 @@ class Run:
         record: RunRecord,
         progress: Progress,
         operator: Operator,
-        past: Past | None = None,
+        past: EarlierProgress | None = None,
     ) -> None:
         self.plan = plan
         self.bench = bench
         self.clock = clock
         self.record = record
         self.progress = progress
-        self.past = past or Past()
+        self.past = past or EarlierProgress()
         self.instruments: Mapping[str, object] = {}
         self.left: list[Prompt] = []
         """What a person is asked once the results are written."""

@@ -19,14 +19,14 @@ from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Identified, open_instruments, put_settings_back
-from station.instruments.whole_bench import BenchReading, Bystanders, read_used
+from station.instruments.whole_bench import BenchReading, UnusedInstruments, read_used
 from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED, WITNESS_READ
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import Run
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
-from station.runner.watchers import FolderWatch, StayingAwake, Stillness
+from station.runner.watchers import FolderWatch, StallWatch, StayingAwake
 from station.safety.acknowledgement import WITNESS, refuse_identified, remember
 from station.safety.interlocks.monitor import Monitor
 from station.safety.interlocks.reading import watched_in_a_run
@@ -74,7 +74,7 @@ class StepRunner:
         self._trip: InterlockTripped | None = None
         holder = f"the run {run.record.path.resolve()} (process {os.getpid()})"
         self._locks = InstrumentLocks(holder, session.world)
-        self._bystanders = Bystanders(
+        self._bystanders = UnusedInstruments(
             run.bench,
             session.addresses,
             run.clock,
@@ -82,7 +82,7 @@ class StepRunner:
             None if session.here else self._locks,
             trace,
         )
-        self._stillness: Stillness | None = None
+        self._stillness: StallWatch | None = None
         self._folder_watch: FolderWatch | None = None
         self._making_safe = run.clock.lock("the safe state")
         self._ballast = bytearray(BALLAST_BYTES)
@@ -104,7 +104,7 @@ class StepRunner:
             signals.hang_up = lambda: self._guardian is not None and run.hang_up()
             if isinstance(run.clock, RealClock):
                 self._stillness = stack.enter_context(
-                    Stillness(run.clock, signals, lambda: self._make_safe(signals), self._missed)
+                    StallWatch(run.clock, signals, lambda: self._make_safe(signals), self._missed)
                 )
                 self._folder_watch = stack.enter_context(FolderWatch(run.record, run.clock))
             try:

@@ -15,7 +15,7 @@ from station.console import tell
 
 FOLDER = "trace"
 ADDRESS = "# address: "
-MOST_WAITING = 20_000
+MAX_WAITING = 20_000
 """Messages that wait for the disk."""
 ENDS_WITHIN_S = 5.0
 HEAD = """\
@@ -54,7 +54,7 @@ class Trace:
         self._clock = clock
         # Virtual time waits for whoever works; real time, and what flows meanwhile, does not.
         self._waits = not isinstance(clock, RealClock)
-        self._lines: Queue[tuple[str, str] | None] = Queue(MOST_WAITING)
+        self._lines: Queue[tuple[str, str] | None] = Queue(MAX_WAITING)
         self._lost: Counter[str] = Counter()
         self._files: dict[str, TextIO] = {}
         self._addresses: dict[str, str] = {}

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from station.runner.run import Run
 
 SILENT_AFTER_S = 10.0
-LOOK_S, LONGEST_LOOK_S = 0.25, 2.0
-BURST_PATIENCE, LEAST_PATIENCE_S = 3.0, 10.0
+LOOK_S, MAX_LOOK_S = 0.25, 2.0
+BURST_PATIENCE, MIN_PATIENCE_S = 3.0, 10.0
 """A burst may take so many times what is expected, and so many seconds more."""
 
 
@@ -193,12 +193,12 @@ def fetch_bursts(
     """
     clock = run.clock
     expected_s = clock.now() + lasts_s
-    longest_s = (BURST_PATIENCE - 1.0) * lasts_s + LEAST_PATIENCE_S
+    longest_s = (BURST_PATIENCE - 1.0) * lasts_s + MIN_PATIENCE_S
     until_s = expected_s + clock.patience_s(longest_s)
     left = dict(bursts)
     while left:
         early_s = expected_s - clock.now()
-        clock.sleep(min(early_s, LONGEST_LOOK_S) if early_s > 0 else every_s)
+        clock.sleep(min(early_s, MAX_LOOK_S) if early_s > 0 else every_s)
         if early_s <= 0:
             fetched = {name: burst.fetch() for name, burst in left.items()}
             for name, block in fetched.items():

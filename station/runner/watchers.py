@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from station.safety.safe_state import SafeOutcome
 
 
-LONGEST_SILENCE_S = 10.0
+MAX_SILENCE_S = 10.0
 """Real time. An exchange takes 0.5 s, a sleep gives signs of life, a disk may have to spin up."""
 LOOKS_EVERY_S = 0.25
 MISSES_S = 5.0
@@ -44,11 +44,11 @@ REACTS_WITHIN_S = 1.5
 STEPS, SAFE_STATE = "the run's steps", "the safe state"
 
 
-class StoodStill(StationError):
+class RunStalled(StationError):
     """A thread of the run did not respond for longer than it may."""
 
 
-class Stillness:
+class StallWatch:
     """Watch over the signs of life of a run on real time; a context.
 
     `make_safe` brings the bench to rest from another thread than the steps'. `missed` is called
@@ -82,7 +82,7 @@ class Stillness:
         for name, body in (("stillness", self._watch), ("standstill", self._bring_to_rest)):
             Thread(target=body, name=name, daemon=True).start()
 
-    def __enter__(self) -> Stillness:
+    def __enter__(self) -> StallWatch:
         self._before = signal.set_wakeup_fd(self._bell.fileno(), warn_on_full_buffer=False)
         return self
 
@@ -94,7 +94,7 @@ class Stillness:
 
     def begin(self) -> None:
         """From now on the thread of the steps, which calls this, gives signs of life."""
-        self._pulse = self._clock.pulse(STEPS, LONGEST_SILENCE_S)
+        self._pulse = self._clock.pulse(STEPS, MAX_SILENCE_S)
 
     def run_ends(self) -> None:
         """From now on the run itself makes the bench safe; where that stands still, so does it."""
@@ -146,7 +146,7 @@ class Stillness:
         if self._run_ends:  # nothing is done twice at a time; the guardian is next
             return
         if self._clock.interruption is None:  # what a person wished stays what ended the run
-            self._clock.interrupt(StoodStill(f"{text}; look at its disk and its instruments"))
+            self._clock.interrupt(RunStalled(f"{text}; look at its disk and its instruments"))
         if not any(thread.name.startswith(STEPS) for thread in quiet):
             self._ended.wait(REACTS_WITHIN_S)
         if not self._run_ends:
@@ -182,7 +182,7 @@ class Stillness:
         if self._ended.is_set():
             return
         try:
-            with self._clock.pulse(SAFE_STATE, LONGEST_SILENCE_S):
+            with self._clock.pulse(SAFE_STATE, MAX_SILENCE_S):
                 outcomes = self._make_safe()
         finally:
             self._acting = False

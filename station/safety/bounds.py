@@ -22,15 +22,15 @@ from station.units import UnitError, parse_as
 
 COIL = "coil_supply"
 ZERO_SHARE = 0.01
-MOST_ZERO_A = 0.1
-LEAST_RAMP_S = 0.5
+MAX_ZERO_A = 0.1
+MIN_RAMP_S = 0.5
 """From the largest current to zero: ten of the steps, 0.05 s each, in which supplies are ramped."""
-MOST_WITHIN_S = 600.0
-MOST_GRACE_S = 60.0
-MOST_PERIOD_S = 60.0
+MAX_WITHIN_S = 600.0
+MAX_GRACE_S = 60.0
+MAX_PERIOD_S = 60.0
 BEYOND_LIMIT = 1.5
 BEYOND_TEMPERATURE_K = 25.0
-MOST_COIL_DEGC = 200.0
+MAX_COIL_DEGC = 200.0
 """Windings are insulated for 130 to 200 degC."""
 BUSES = ("socketcand://", "can://")
 """Lines that several instruments are on."""
@@ -81,20 +81,20 @@ def _coil_faults(document: Document, name: str, entry: Mapping[str, Any]) -> Ite
     slew_A_per_s = quantity(limits, "slew", "A/s")
     if not current_A:
         return
-    most_A = min(ZERO_SHARE * current_A, MOST_ZERO_A)
+    most_A = min(ZERO_SHARE * current_A, MAX_ZERO_A)
     if zero_A and zero_A > most_A:
         yield document.fault(
             (*where, "zero_current"),
             f"{zero_A:g} A is too much to count as zero: a coil that carries it would be reported "
             f"as safe; at most {most_A:g} A, which is {ZERO_SHARE:.0%} of current and never above "
-            f"{MOST_ZERO_A:g} A",
+            f"{MAX_ZERO_A:g} A",
         )
-    if slew_A_per_s and current_A / slew_A_per_s < LEAST_RAMP_S:
+    if slew_A_per_s and current_A / slew_A_per_s < MIN_RAMP_S:
         yield document.fault(
             (*where, "slew"),
             f"{slew_A_per_s:g} A/s takes {current_A:g} A to zero in "
             f"{current_A / slew_A_per_s:.2g} s, which is no ramp: a coil that is cut off induces a "
-            f"high voltage; at most {current_A / LEAST_RAMP_S:g} A/s, {LEAST_RAMP_S:g} s to zero",
+            f"high voltage; at most {current_A / MIN_RAMP_S:g} A/s, {MIN_RAMP_S:g} s to zero",
         )
 
 
@@ -106,11 +106,11 @@ def _within_faults(document: Document, instruments: Mapping[str, Any]) -> Iterat
         if within_s is None:
             continue
         where: Where = ("safe_state", number, "within")
-        if within_s > MOST_WITHIN_S:
+        if within_s > MAX_WITHIN_S:
             yield document.fault(
                 where,
                 f"{within_s:g} s is too long: nobody beside the bench would learn in time that it "
-                f"is not at rest; at most {MOST_WITHIN_S:g} s",
+                f"is not at rest; at most {MAX_WITHIN_S:g} s",
             )
         wanted = step.get("instrument") or step.get("role")
         for name, entry in instruments.items():
@@ -144,17 +144,17 @@ def ramp_of(name: str, entry: Any) -> float:
 
 def _time_faults(document: Document, where: Where, entry: Mapping[str, Any]) -> Iterator[Fault]:
     grace_s, period_s = quantity(entry, "grace", "s"), quantity(entry, "period", "s")
-    if grace_s is not None and grace_s > MOST_GRACE_S:
+    if grace_s is not None and grace_s > MAX_GRACE_S:
         yield document.fault(
             (*where, "grace"),
             f"{grace_s:g} s is too long: for so long the bench would go on with what the interlock "
-            f"forbids; at most {MOST_GRACE_S:g} s, or set the level to what may last",
+            f"forbids; at most {MAX_GRACE_S:g} s, or set the level to what may last",
         )
-    if period_s is not None and period_s > MOST_PERIOD_S:
+    if period_s is not None and period_s > MAX_PERIOD_S:
         yield document.fault(
             (*where, "period"),
             f"{period_s:g} s is too long: an interlock that is looked at so rarely trips too late; "
-            f"at most {MOST_PERIOD_S:g} s",
+            f"at most {MAX_PERIOD_S:g} s",
         )
 
 
@@ -200,7 +200,7 @@ def _unwatched_faults(
     most = {
         (name, "current"): BEYOND_LIMIT * current_A,
         (name, "voltage"): BEYOND_LIMIT * voltage_V if voltage_V else math.inf,
-        (name, "temperature"): MOST_COIL_DEGC,
+        (name, "temperature"): MAX_COIL_DEGC,
         ("gaussmeter", "field"): most_mT,
     }
     if any(look.high <= most.get((look.instrument, look.quantity), -math.inf) for look in looks):

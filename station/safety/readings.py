@@ -22,7 +22,7 @@ class Reading(NamedTuple):
     time_s: float
 
 
-MOST_NOTES = 200
+MAX_NOTES = 200
 """Between two looks of the run at what drivers have noted."""
 
 
@@ -72,7 +72,7 @@ class Readings:
         def note(kind: str, details: Mapping[str, Any]) -> None:
             entry = Note(instrument, kind, dict(details), self._clock.now())
             with self._notes_lock:
-                if len(self._notes) < MOST_NOTES:
+                if len(self._notes) < MAX_NOTES:
                     self._notes.append(entry)
                 else:
                     self._dropped += 1

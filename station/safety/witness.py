@@ -27,7 +27,7 @@ LARGEST_LEFT = 0.1
 """Of the largest change that was seen; more contradicts a source that reads back as off."""
 AMBIENT_LEFT = 0.03
 """A change between this and `LARGEST_LEFT` is flagged: the ambient field is another one."""
-LEAST_SEEN = 0.2
+MIN_SEEN = 0.2
 """Of what the bench's constants expect; less is not the change of that source."""
 OVERLOAD = 1e30
 """What instruments say of an overload is beyond it."""
@@ -181,7 +181,7 @@ def _of_unseen(sighting: Sighting, sources: Sequence[str], most: float) -> Witne
 
 def beyond_turning(expected: float, before: Sequence[float]) -> float:
     """Return the change that no turn of a witness makes of what was there before."""
-    return max(LEAST_SEEN * expected, TURNED * distance(before, [0.0] * len(before)))
+    return max(MIN_SEEN * expected, TURNED * distance(before, [0.0] * len(before)))
 
 
 def read_now(name: str, instrument: object) -> list[float]:
@@ -268,7 +268,7 @@ class Witnesses:
             of_sources = {
                 s: expected[name] for s, expected in sources.items() if expected.get(name)
             }
-            least, unit = LEAST_SEEN * max(of_sources.values(), default=math.inf), sighting.unit
+            least, unit = MIN_SEEN * max(of_sources.values(), default=math.inf), sighting.unit
             earlier = self._earlier.get(name, ())
             if sighting.spread > least and (now := self._swings(name)) > least:
                 sighting.energised = f"its readings differ by {now:.3g} {unit} at rest"
@@ -327,7 +327,7 @@ class Witnesses:
 
     def _saw(self, sighting: Sighting, change: float) -> None:
         for source, expected in self._driven.items():
-            least = LEAST_SEEN * expected.get(sighting.instrument, math.inf)
+            least = MIN_SEEN * expected.get(sighting.instrument, math.inf)
             known = sighting.change.get(source, 0.0)
             if change >= max(least, known):
                 sighting.change[source] = change

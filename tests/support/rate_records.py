@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 LATITUDE_RAD = float(np.deg2rad(39.9))
 RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-REST_S, BETWEEN_S, LEAST_S = 120, 20, 40.0
+REST_S, BETWEEN_S, MIN_S = 120, 20, 40.0
 EARTH_DEG_PER_H = 15.041
 
 
@@ -63,7 +63,7 @@ def plan(one: Gyro) -> list[tuple[float, int]]:
     """Return the rates in their order with the samples of each record."""
     found = [(0.0, REST_S)]
     for rate in one.rates:
-        turns = np.ceil(LEAST_S * rate / 360.0)
+        turns = np.ceil(MIN_S * rate / 360.0)
         seconds = round(one.record_s or turns * 360.0 / rate)
         found += [(rate, seconds), (-rate, seconds)]
     return [*found, (0.0, REST_S)]

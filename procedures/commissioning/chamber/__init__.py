@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS
 from .steps import STEPS, prompts
@@ -27,6 +27,6 @@ CHAMBER_PART = Part(
     instruments=instruments,
     work=work,
     prompts=prompts,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
 )

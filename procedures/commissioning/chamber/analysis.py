@@ -20,7 +20,7 @@ from .parameters import AXES
 
 Array = NDArray[np.float64]
 SURE = 0.1
-SHORTEST_S, LONGEST_S, TRIED = 20.0, 20000.0, 25
+SHORTEST_S, MAX_S, TRIED = 20.0, 20000.0, 25
 REACHED = 1.0 - math.exp(-1.0)
 METHOD = "air after the step of the set-point"
 
@@ -66,7 +66,7 @@ def analyse(data: ChamberDataset) -> Analysis:
     lag_s = float(since_s[reached.argmax()]) if reached.any() else float(since_s[-1])
     spacing_s = float(np.diff(since_s).mean())
     followed = [follow(data, data.device_degC[:, k]) for k in range(len(AXES))]
-    sure = [following.lag_s for following in followed if following.gain_u < SURE] or [LONGEST_S]
+    sure = [following.lag_s for following in followed if following.gain_u < SURE] or [MAX_S]
     # One that shows nothing of the step has no lag of its own: it is held against the others'.
     followed = [
         following
@@ -138,7 +138,7 @@ def follow(data: ChamberDataset, read_degC: Array, lag_s: float | None = None) -
         known = columns(lag_s)
         spread = np.linalg.inv(known.T @ known) * squares / (len(known) - 3.0)
         return Following(float(shares[2]), float(np.sqrt(spread[2, 2])), lag_s, len(known) - 3.0)
-    tried = np.geomspace(SHORTEST_S, LONGEST_S, TRIED)
+    tried = np.geomspace(SHORTEST_S, MAX_S, TRIED)
     tau_s = float(min(tried, key=lambda lag_s: linear(float(lag_s))[1]))
     start = np.array([math.log(tau_s), *linear(tau_s)[0]])
 
@@ -146,7 +146,7 @@ def follow(data: ChamberDataset, read_degC: Array, lag_s: float | None = None) -
         return columns(math.exp(of[0])) @ of[1:] - read_degC
 
     lowest = [math.log(SHORTEST_S / 2.0), *3 * [-np.inf]]
-    highest = [math.log(LONGEST_S * 2.0), *3 * [np.inf]]
+    highest = [math.log(MAX_S * 2.0), *3 * [np.inf]]
     best = least_squares(residuals, start, bounds=(lowest, highest), x_scale="jac")
     freedom = float(read_degC.size - start.size)
     variance = 2.0 * best.cost / freedom

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.coils.work import GAUSSMETER
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS
 from .steps import STEPS, instruments, work
@@ -30,7 +30,7 @@ CLOCK_PART = Part(
     results=RESULTS,
     instruments=instruments,
     work=work,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     drift={"gaussmeter_clock_error": 50.0},
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .limits import DRIFT
 from .parameters import COILS, RESULTS
@@ -42,11 +42,11 @@ COIL_PART = Part(
     prompts=prompts,
     records=records,
     check=check,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,
     drift=DRIFT,
     short=("parameters.coils.record=2 s",),
-    completes=Later(f"{__name__}.completing:completions"),
+    completes=LazyImport(f"{__name__}.completing:completions"),
     may_stand=frozenset({"coil-constant-off"}),
 )

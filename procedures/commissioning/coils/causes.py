@@ -23,7 +23,7 @@ from .limits import (
     CROSS_AXIS,
     EARTH_MT,
     FIELD_AFTER_OFF_MT,
-    LEAST_SHARE,
+    MIN_SHARE,
 )
 from .parameters import COILS
 
@@ -53,7 +53,7 @@ def causes_of(data: Measured) -> list[Flag]:
     """Return a flag for each cause."""
     flags = list(_outputs_on(data))
     largest = np.abs(data.response).max(axis=0)
-    dead = [coil for coil, share in zip(COILS, largest, strict=True) if share < LEAST_SHARE]
+    dead = [coil for coil, share in zip(COILS, largest, strict=True) if share < MIN_SHARE]
     if dead:
         return flags + [
             Flag(

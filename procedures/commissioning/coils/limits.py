@@ -18,7 +18,7 @@ EARTH_MT = 0.1
 DRIFT = {"coil_constant_ratio": 0.005, "cross_axis": 0.01, "ambient_field": 0.003}
 """From week to week: half of what a gaussmeter of 0.5 % leaves open; 0.6 deg, a coil that was
 knocked; in mT, a steel door or a car."""
-LEAST_SHARE = 0.1
+MIN_SHARE = 0.1
 """Of the commanded field: a coil that makes less on every axis is not connected."""
 COVERAGE = 2.0
 """Standard uncertainties by which a cause must differ from another one to be named alone."""

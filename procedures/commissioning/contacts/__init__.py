@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import CHAIN, CHAIN_ERRORS, CHAMBER, DOOR_ERRORS, RESULTS, ContactParameters
 from .steps import DOOR, STEPS, instruments, prompts, work
@@ -76,7 +76,7 @@ CONTACT_PART = Part(
     instruments=instruments,
     work=work,
     prompts=prompts,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,
     measured_axes=measured_axes,

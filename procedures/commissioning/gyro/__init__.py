@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS, GyroParameters
 from .steps import STEPS, prompts
@@ -41,7 +41,7 @@ GYRO_PART = Part(
     work=work,
     prompts=prompts,
     records=records,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     not_tried=not_tried,
 )

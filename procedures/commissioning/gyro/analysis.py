@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from station.findings import Analysis, Estimate, Flag, InputQuantity, undetermined
 
-from .limits import COVERAGE, LEAST_SHARE, PULSE_WEIGHT
+from .limits import COVERAGE, MIN_SHARE, PULSE_WEIGHT
 
 Array = NDArray[np.float64]
 EARTH_DEG_PER_H = 15.041067
@@ -89,7 +89,7 @@ def analyse(data: GyroDataset, inputs: Sequence[InputQuantity]) -> Analysis:
     if earth is None:
         estimates.append(undetermined("pulse_weight_ratio", None, "1", method))
         return Analysis(estimates, (), flags)
-    if abs(rate) < LEAST_SHARE * abs(earth.rate_deg_per_h):
+    if abs(rate) < MIN_SHARE * abs(earth.rate_deg_per_h):
         message = (
             f"At rest the gyro counts {rate:.3g} deg/h; it should feel "
             f"{earth.rate_deg_per_h:.3g} deg/h of the earth's rate: it gives no pulses, or its "

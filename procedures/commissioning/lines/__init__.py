@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS, LineParameters
 from .steps import STEPS
@@ -48,7 +48,7 @@ LINES_PART = Part(
     instruments=instruments,
     work=work,
     prompts=prompts,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,
     measured_axes=measured_axes,

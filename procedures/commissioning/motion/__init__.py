@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS
 from .steps import STEPS, prompts
@@ -42,7 +42,7 @@ MOTION_PART = Part(
     prompts=prompts,
     records=records,
     check=check,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils.work import supply_of
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import COILS, RESULTS
 from .steps import STEPS, prompts
@@ -30,6 +30,6 @@ PICK_UP_PART = Part(
     work=work,
     prompts=prompts,
     records=records,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
 )

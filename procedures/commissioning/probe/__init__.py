@@ -8,7 +8,7 @@ from procedures.commissioning.coils import is_possible as has_coils
 from procedures.commissioning.coils.work import GAUSSMETER
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import COILS, RESULTS
 from .steps import STEPS, prompts
@@ -36,6 +36,6 @@ PROBE_PART = Part(
     work=work,
     prompts=prompts,
     records=records,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from station.findings import Analysis, Estimate, Flag, undetermined
 
-from .limits import COVERAGE, LEAST_SHARE, PROBE_FIELD_ERROR, SPACING_U
+from .limits import COVERAGE, MIN_SHARE, PROBE_FIELD_ERROR, SPACING_U
 from .parameters import COILS, RESULTS
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ def analyse(data: ProbeDataset) -> ProbeFit:
     """Return offset, field error and homogeneity, and the cause where the probe is off centre."""
     from scipy.optimize import least_squares
 
-    weak = np.abs(data.field_mT[0]) < LEAST_SHARE * data.commanded_mT
+    weak = np.abs(data.field_mT[0]) < MIN_SHARE * data.commanded_mT
     if weak.any():
         return undecided([axis for axis, is_weak in zip(COILS, weak, strict=True) if is_weak])
 

@@ -7,7 +7,7 @@ HOMOGENEITY = 0.005
 """Relative, within the device: as much as the gaussmeter's own uncertainty."""
 COVERAGE = 2.0
 """Standard uncertainties by which the place must be off before it is named."""
-LEAST_SHARE = 0.5
+MIN_SHARE = 0.5
 """Of the commanded field: a coil with less on its own axis is another one, or not connected."""
 SPACING_U = 0.01
 """Relative standard uncertainty of a Helmholtz pair's spacing: windings of some width."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS
 from .steps import STEPS, prompts
@@ -29,6 +29,6 @@ STAGE_PART = Part(
     prompts=prompts,
     records=records,
     check=check,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
 )

@@ -11,7 +11,7 @@ from procedures.commissioning.coils.parameters import COILS
 from procedures.commissioning.coils.work import supply_of
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import Later
+from station.procedure import LazyImport
 
 from .parameters import RESULTS
 from .steps import STEPS, prompts
@@ -44,7 +44,7 @@ SUPPLY_PART = Part(
     work=work,
     prompts=prompts,
     records=records,
-    findings=Later(f"{__name__}.evaluate:findings"),
+    findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,
 )

@@ -135,8 +135,8 @@ def _limit(
 Words = Annotated[str, Field(min_length=1)]
 LONGEST = "30 d"
 """A plan that takes more bench time is refused; what lasts longer is several plans."""
-LONGEST_S = parse_as(LONGEST, "s")
-LONGEST_SERIAL = 100
+MAX_S = parse_as(LONGEST, "s")
+MAX_SERIAL = 100
 NOT_IN_FILE_NAMES = '/\\:*?"<>|'
 
 
@@ -157,9 +157,9 @@ class Dut(StrictModel):
         wrong = [char for char in serial if char in NOT_IN_FILE_NAMES or not char.isprintable()]
         if wrong:
             raise ValueError(f"names the run folder and may not hold {wrong[0]!r}")
-        if len(serial) > LONGEST_SERIAL:
+        if len(serial) > MAX_SERIAL:
             raise ValueError(
-                f"names the run folder and has {len(serial)} characters; {LONGEST_SERIAL} at most"
+                f"names the run folder and has {len(serial)} characters; {MAX_SERIAL} at most"
             )
         return serial
 
@@ -277,7 +277,7 @@ def times_too_long(document: Document) -> Iterator[Fault]:
     """Yield a fault for each time in the parameters that no plan can last."""
     for where, value in leaves(document.data.get("parameters"), ("parameters",)):
         with suppress(UnitError):  # no time, or a fault of its own
-            if isinstance(value, str) and parse_as(value, "s") > LONGEST_S:
+            if isinstance(value, str) and parse_as(value, "s") > MAX_S:
                 yield document.fault(
                     where, f"'{value}' is too long: a plan takes {LONGEST} at most"
                 )

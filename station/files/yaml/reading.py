@@ -108,7 +108,7 @@ __all__ = [
 ]
 
 # The core schema of YAML 1.2, section 10.3.2, in the order in which it is tried.
-MOST_BYTES = 500_000
+MAX_BYTES = 500_000
 """What people write has some kB; beyond this the file is not what it is taken for."""
 DEEPEST = 40
 
@@ -261,7 +261,7 @@ def read_yaml(path: Path) -> Document:
 
     Raises FaultList with everything that is wrong with the file as YAML.
     """
-    return read_yaml_text(read_text(path, MOST_BYTES), path)
+    return read_yaml_text(read_text(path, MAX_BYTES), path)
 
 
 def read_yaml_text(text: str, path: Path) -> Document:

@@ -23,7 +23,7 @@ from station.record.export.reading import Recording, blocks_of, exported_file, s
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
-LONGEST_NAME = 63
+MAX_NAME = 63
 LARGEST_BYTES = 2**31 - 2**20
 """A variable of a level 5 file is below 2 GB, and all raw data is one."""
 
@@ -146,11 +146,11 @@ def valid_names(names: Iterable[str]) -> list[str]:
         valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
         if not re.match(r"[A-Za-z]", valid) or valid in KEYWORDS:
             valid = f"x{valid}"
-        valid = candidate = valid[:LONGEST_NAME]
+        valid = candidate = valid[:MAX_NAME]
         number = 1
         while candidate in chosen:
             number += 1
             ending = f"_{number}"
-            candidate = valid[: LONGEST_NAME - len(ending)] + ending
+            candidate = valid[: MAX_NAME - len(ending)] + ending
         chosen.append(candidate)
     return chosen

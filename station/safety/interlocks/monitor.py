@@ -24,9 +24,9 @@ IDLE_PERIOD_S = 10.0
 """How often a quantity that only an energised bench can change is looked at on one at rest."""
 REACTS_WITHIN_S = 1.5
 """Run time that a run has to react to a trip; longer than any of its waits is in one piece."""
-LONGEST_SILENCE_S = 10.0
+MAX_SILENCE_S = 10.0
 """Real time without a sign of life of the thread that watches."""
-MOST_LOOKS_OF_PATIENCE = 10.0
+MAX_LOOKS_OF_PATIENCE = 10.0
 ROUNDING_S = 1e-9
 LOOKS_AGAIN_S = 0.1
 
@@ -194,7 +194,7 @@ class Monitor:
         return self._stopped
 
     def _watch(self, turn: int) -> None:
-        with self._clock.pulse("the watching of the interlocks", LONGEST_SILENCE_S):
+        with self._clock.pulse("the watching of the interlocks", MAX_SILENCE_S):
             self._watch_until_stopped(turn)
 
     def _watch_until_stopped(self, turn: int) -> None:
@@ -276,7 +276,7 @@ class Monitor:
         if watch.interlock.only_while_on and not self._is_on(watch):
             return max(period_s, IDLE_PERIOD_S)
         # Where time runs faster than real, looks must not crowd out the run itself.
-        return max(period_s, self._clock.patience_s(period_s) / MOST_LOOKS_OF_PATIENCE)
+        return max(period_s, self._clock.patience_s(period_s) / MAX_LOOKS_OF_PATIENCE)
 
     def _is_on(self, watch: Watch) -> bool:
         """Whether what is watched may be energised: itself, or anything where it does not say."""

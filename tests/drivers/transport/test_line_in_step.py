@@ -13,7 +13,7 @@ import pytest
 from wires import LIMITS, no_thread_is_left  # noqa: F401
 
 from drivers.kepco.bop import KepcoBop
-from drivers.transport.kept_frames import MOST_FRAMES, KeptFrames
+from drivers.transport.kept_frames import MAX_FRAMES, KeptFrames
 from drivers.transport.retry import Repeatable
 from drivers.transport.serial_port import SerialSettings
 from drivers.transport.serial_stream import SerialStream, Split
@@ -388,8 +388,8 @@ def test_frames_that_nobody_takes_are_dropped_with_an_event() -> None:
     place = Place("it", "", RealClock(), noter=lambda what, _: notes.append(what))
     frames = Kept(place, "nowhere", lambda _: 1)
     for _ in range(12):
-        frames.flooded(MOST_FRAMES // 10)
-    assert frames.kept() == MOST_FRAMES
+        frames.flooded(MAX_FRAMES // 10)
+    assert frames.kept() == MAX_FRAMES
     assert notes == ["frames-dropped"]
 
 

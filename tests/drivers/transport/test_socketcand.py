@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from drivers.transport.can_line import LONGEST_MESSAGE, CanLine, Frame, Socketcand
+from drivers.transport.can_line import MAX_MESSAGE, CanLine, Frame, Socketcand
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.instruments.opening import Place
@@ -101,7 +101,7 @@ def test_bytes_come_one_by_one() -> None:
 
 
 def test_what_is_no_message_is_passed_over_and_never_kept() -> None:
-    rubbish = b"x" * (3 * LONGEST_MESSAGE)
+    rubbish = b"x" * (3 * MAX_MESSAGE)
     with daemon(b"< ok >", rubbish, b"< frame 111 zz >", FRAMES) as there:
         heard, passed_over = heard_at(there)
         assert heard == SAID

@@ -21,7 +21,7 @@ from terminal import OnTerminal, hears_hang_up
 
 from station.cli.attaching import LogTimes
 from station.clock import RealClock, local_time
-from station.control.answers import Desk
+from station.control.answers import PromptQueue
 from station.control.channel import Incoming
 from station.control.status import read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_WRONG_INPUT, Aborted
@@ -222,7 +222,7 @@ def test_what_keeps_a_detached_run_from_beginning_is_shown(tmp_path: Path) -> No
     assert not (tmp_path / "runs").exists()
 
 
-def asked(desk: Desk, prompt_id: str, text: str) -> str:
+def asked(desk: PromptQueue, prompt_id: str, text: str) -> str:
     incoming = Incoming("answer", {"id": prompt_id, "text": text})
     desk.take(incoming)
     return str(incoming.final["outcome"])
@@ -230,11 +230,11 @@ def asked(desk: Desk, prompt_id: str, text: str) -> str:
 
 def test_a_prompt_that_nobody_answers_ends_the_run() -> None:
     with pytest.raises(Aborted, match="no answer came to the prompt mount"):
-        Desk(RealClock(), within_s=0.2).ask(MOUNT)
+        PromptQueue(RealClock(), within_s=0.2).ask(MOUNT)
 
 
 def test_an_answer_counts_once_and_for_the_prompt_that_waits() -> None:
-    desk, said = Desk(RealClock(), within_s=30.0), list[str]()
+    desk, said = PromptQueue(RealClock(), within_s=30.0), list[str]()
 
     def ask() -> None:
         try:

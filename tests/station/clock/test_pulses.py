@@ -5,7 +5,7 @@ from __future__ import annotations
 from threading import Event, Thread
 
 from station.clock import RealClock, VirtualClock
-from station.clock.pulse import MOST_BETWEEN_LOOKS_S, Pulse, Pulses
+from station.clock.pulse import MAX_BETWEEN_LOOKS_S, Pulse, Pulses
 
 
 def looked_at(pulses: Pulses, *times_s: float) -> list[list[str]]:
@@ -30,7 +30,7 @@ def test_a_computer_that_slept_has_missed_no_sign() -> None:
     pulses = Pulses()
     pulses.add(Pulse("the steps", 2.0))
     assert looked_at(pulses, 0.0, 1.0, 5000.0) == [[], [], []]
-    assert looked_at(pulses, 5000.0 + MOST_BETWEEN_LOOKS_S) == [["the steps"]]
+    assert looked_at(pulses, 5000.0 + MAX_BETWEEN_LOOKS_S) == [["the steps"]]
 
 
 def test_a_longer_silence_can_be_declared_for_a_while_or_once() -> None:

@@ -27,14 +27,14 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.cli import controlling
 from station.clock import Clock, RealClock, VirtualClock
-from station.control.channel import LONGEST_ADDRESS, Channel, places
+from station.control.channel import MAX_ADDRESS, Channel, places
 from station.control.client import NotRunning, ask, go_on
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
 from station.control.status import read_status
 from station.errors import EXIT_ABORTED, Aborted, InterlockTripped, PauseRefused, RecordError
 from station.instruments.opening import Place
-from station.panel.wishes import Wishes
+from station.panel.run_requests import RunRequests
 from station.procedure import Prompt
 from station.record.folder import RunRecord
 from station.runner.operator import Operator
@@ -201,7 +201,7 @@ def test_the_address_is_short_wherever_the_folders_are(
     with desk(far / "runs", VirtualClock()) as made:
         assert ask(made.folder, "status")["paused"] is False
         addresses = [place.address for place in places(made.folder)]
-    assert all(len(os.fsencode(address)) <= LONGEST_ADDRESS for address in addresses)
+    assert all(len(os.fsencode(address)) <= MAX_ADDRESS for address in addresses)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a disk is frozen on Linux")
@@ -377,7 +377,7 @@ def test_a_pause_in_the_last_unit_is_answered_that_the_run_ends_first(virtual: D
 def test_a_pause_that_can_not_come_any_more_is_answered_at_once(
     virtual: Desk, left: list[str]
 ) -> None:
-    run, word = virtual.run, Wishes()
+    run, word = virtual.run, RunRequests()
     run.progress = Progress(1.0, units={"warm-up": 1.0, "IA": 1.0}, quiet=True)
     run.listen_to(virtual.control)
     run.progress.unit_finished("warm-up")

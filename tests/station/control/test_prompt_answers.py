@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from station.clock import RealClock
-from station.control.answers import Desk
+from station.control.answers import PromptQueue
 from station.control.channel import Incoming
 from station.errors import Aborted, InputError
 from station.method.prompts import AskedValue, Asking, Prompt
@@ -71,7 +71,7 @@ def test_an_answers_file_with_a_value_out_of_range_is_refused_beforehand() -> No
 
 
 def test_a_desk_refuses_a_value_out_of_range_and_says_the_range() -> None:
-    desk = Desk(RealClock())
+    desk = PromptQueue(RealClock())
     desk._asked = HEAT
     for text, outcome in (("300", "no-answer"), ("done", "no-answer"), ("110 degC", "taken")):
         incoming = Incoming("answer", {"id": "heat", "text": text})

@@ -32,7 +32,7 @@ from still_helpers import (
 from user_space_disk import UserSpaceDisk, disk_or_skip
 
 from station.guardian.watching import SILENT_FOR_S
-from station.runner.watchers import LONGEST_SILENCE_S, OBEYS_WITHIN_S
+from station.runner.watchers import MAX_SILENCE_S, OBEYS_WITHIN_S
 
 if sys.platform != "linux":
     pytest.skip("FUSE, prlimit and /proc; not verified elsewhere", allow_module_level=True)
@@ -64,7 +64,7 @@ def test_a_disk_that_stands_still_leaves_a_safe_bench(
     with begun_run(bench, tmp_path, disk.place / "runs") as process:
         disk.freeze()
         until(lambda: disk.holds(process.pid))
-        taken_s = at_rest_after_s(bench, LONGEST_SILENCE_S + SLEW_AND_ZERO_S + BUSY_S)
+        taken_s = at_rest_after_s(bench, MAX_SILENCE_S + SLEW_AND_ZERO_S + BUSY_S)
         print(f"frozen disk to a bench at rest: {taken_s:.1f} s")
         time.sleep(2.0)
         assert bench.at_rest(), "nothing goes on with the run"
@@ -115,7 +115,7 @@ def test_steps_that_never_return_are_taken_over(bench: World, tmp_path: Path) ->
     with begun_run(bench, tmp_path, tmp_path / "runs") as process:
         try:
             with stopped_thread(process.pid):
-                within_s = LONGEST_SILENCE_S + SILENT_FOR_S + SLEW_AND_ZERO_S + BUSY_S
+                within_s = MAX_SILENCE_S + SILENT_FOR_S + SLEW_AND_ZERO_S + BUSY_S
                 taken_s = at_rest_after_s(bench, within_s)
                 print(f"stopped steps to a bench at rest: {taken_s:.1f} s")
                 _, said = process.communicate(timeout=60)

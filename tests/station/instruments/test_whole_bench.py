@@ -24,7 +24,7 @@ from station.files.lookup import BENCHES, find
 from station.guardian.make_safe import summary
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.whole_bench import BenchReading, Bystanders, LeftOut, bystanders_of
+from station.instruments.whole_bench import BenchReading, LeftOut, UnusedInstruments, bystanders_of
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.safety.safe_state import SafeOutcome
@@ -191,7 +191,7 @@ def test_silent_addresses_are_asked_at_once_and_the_whole_is_bounded() -> None:
             name: kinds.get(name, "TCPIP::127.0.0.1::{}::SOCKET").format(port) for name in names
         }
         clock = RealClock()
-        reading = Bystanders(bench, place, clock, "a test").read([])
+        reading = UnusedInstruments(bench, place, clock, "a test").read([])
         took_s = clock.now()
     assert [one.instrument for one in reading.left_out] == names
     assert {one.why for one in reading.left_out} == {"does not answer"}
@@ -214,7 +214,9 @@ def test_reading_an_instrument_commands_nothing(tmp_path: Path, name: str) -> No
         assert isinstance(session.clock, VirtualClock)
         trace = Trace(tmp_path, session.clock)
         with session.clock.participant("run"):
-            others = Bystanders(bench, session.addresses, session.clock, "a test", trace=trace)
+            others = UnusedInstruments(
+                bench, session.addresses, session.clock, "a test", trace=trace
+            )
             reading = others.read([])
         trace.close()
     names = bystanders_of(bench, [])

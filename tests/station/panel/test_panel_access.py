@@ -22,7 +22,7 @@ from station.cli.panel import names_of, read_tokens, serve_panel
 from station.cli.starting import DetachedRuns
 from station.clock import boot_seconds
 from station.errors import InputError
-from station.panel.access import GUESS_EVERY_S, LARGEST_REQUEST, MOST_PEERS, Access, Turns
+from station.panel.access import GUESS_EVERY_S, LARGEST_REQUEST, MAX_PEERS, Access, Turns
 from station.panel.app import Panel
 from station.record.layout import EVENTS
 
@@ -261,7 +261,7 @@ def test_one_computer_that_guesses_waits_longer_and_is_then_refused_and_few_are_
     assert turns.take("192.0.2.2", now_s) == 0.0
     turns.was_right("192.0.2.2")
     assert turns.take("192.0.2.2", now_s) == 0.0
-    for number in range(MOST_PEERS):
+    for number in range(MAX_PEERS):
         turns.take(f"peer {number}", now_s)
     assert turns.take("192.0.2.1", now_s) == 0.0
 

@@ -19,7 +19,7 @@ from station.cli.watching import watch_status
 from station.control.status import read_status
 from station.errors import InputError
 from station.panel import app
-from station.panel.streams import MOST_STREAMS
+from station.panel.streams import MAX_STREAMS
 from station.panel.watching import RunWatch
 from station.record.events import Event, in_words
 from station.record.run_list import entry_of
@@ -196,7 +196,7 @@ def test_an_event_without_its_details_is_said_to_be_damage(tmp_path: Path) -> No
 def test_many_pages_of_one_browser_leave_a_connection_for_an_abort(served: Served) -> None:
     made(served.runs, line(steps=[]))
     path = f"{served.url}/api/run/{NAME}/events"
-    staying = [urllib.request.urlopen(path, timeout=30) for _ in range(MOST_STREAMS)]
+    staying = [urllib.request.urlopen(path, timeout=30) for _ in range(MAX_STREAMS)]
     for one in staying:
         while b"beat" not in one.readline():
             pass

@@ -12,7 +12,7 @@ from station.clock import RealClock
 from station.panel.watching import LOOKS_EVERY_S, RunWatch
 from station.record.folder import RunFolder
 from station.record.raw_tail import RawTail
-from station.record.series import MOST_POINTS, RunSeries, Thinned
+from station.record.series import MAX_POINTS, RunSeries, Thinned
 
 
 @pytest.mark.parametrize("block", [1, 7, 100, 5000])
@@ -23,7 +23,7 @@ def test_a_series_keeps_its_extremes_its_mean_and_its_length(block: int) -> None
     for at in range(0, 5000, block):
         series.add(time_s[at : at + block], value[at : at + block])
     shown = series.data()
-    assert MOST_POINTS // 3 <= len(shown["t"]) < MOST_POINTS
+    assert MAX_POINTS // 3 <= len(shown["t"]) < MAX_POINTS
     assert all(a < b for a, b in zip(shown["t"][:-1], shown["t"][1:], strict=True))
     assert np.allclose(shown["v"], np.sin(np.array(shown["t"]) / 30.0), atol=1e-6)
     assert series.mean == pytest.approx(value.mean())

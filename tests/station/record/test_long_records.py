@@ -12,7 +12,7 @@ from command_line import station
 from made_runs import SENSITIVITY, made_run
 from rlg_records import analysed, codes, off_in_u, record
 
-from procedures.estimation.alignment import MOST_KEPT, align, align_pieces
+from procedures.estimation.alignment import MAX_KEPT, align, align_pieces
 from procedures.estimation.linear import BLOCK_ROWS, Columns, least_squares
 from procedures.estimation.noise import Autoregression, fit_autoregression, whiten, whitened
 from procedures.estimation.sine import (
@@ -24,7 +24,7 @@ from procedures.estimation.sine import (
 )
 from procedures.rlg_magnetic_sensitivity.averaged import averaged_duration_s, group_means, in_groups
 from procedures.rlg_magnetic_sensitivity.frequencies import (
-    MOST_ROWS,
+    MAX_ROWS,
     Drive,
     averaged_rows,
     group_size,
@@ -80,7 +80,7 @@ def test_columns_are_whitened_over_the_edge_of_a_block() -> None:
 
 def test_clocks_are_aligned_by_the_same_line_from_pieces() -> None:
     generator = np.random.default_rng(3)
-    count = 2 * MOST_KEPT + 77
+    count = 2 * MAX_KEPT + 77
     counter = np.arange(count, dtype=np.float64)
     arrival_s = 5.0 + 0.001000012 * counter + 0.003 * generator.random(count)
     arrival_s = np.maximum.accumulate(arrival_s)
@@ -125,9 +125,9 @@ def test_groups_are_whole_and_a_lost_sample_bends_no_mean() -> None:
 
 
 def test_a_record_is_averaged_no_more_than_it_must_be_or_its_fastest_line_allows() -> None:
-    assert group_size(MOST_ROWS, 0.1, 0.2) == 1
+    assert group_size(MAX_ROWS, 0.1, 0.2) == 1
     assert group_size(72 * 36_000, 0.1, 0.1) == 5
-    assert averaged_rows(72 * 3_600_000, 0.001, 0.2) <= MOST_ROWS
+    assert averaged_rows(72 * 3_600_000, 0.001, 0.2) <= MAX_ROWS
     assert group_size(1000 * 36_000, 0.1, 0.2) == 5
     assert group_size(72 * 36_000, 1.0, 0.2) == 1
     assert loss(5, 0.1, 0.1) == pytest.approx(0.004, abs=3e-4)

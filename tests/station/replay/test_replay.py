@@ -22,7 +22,7 @@ from station.files.plan import Plan, read_plan
 from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.record.layout import MANIFEST
-from station.replay.deviations import MOST_SHOWN, Deviations
+from station.replay.deviations import MAX_SHOWN, Deviations
 from station.replay.regression_test import write_test
 from station.replay.replaying import replay
 from station.replay.transcript import read_transcript, unreadable
@@ -106,7 +106,7 @@ def test_one_byte_of_an_answer_is_found_by_the_manifest(rlg: Path, tmp_path: Pat
     ]
     assert deviations.differences, "another serial number answers, and the run goes no further"
     lines = deviations.lines()
-    assert len(lines) <= MOST_SHOWN + 3
+    assert len(lines) <= MAX_SHOWN + 3
     assert lines[-1].endswith(f"{len(deviations.differences)} deviations")
 
 
@@ -176,9 +176,9 @@ def test_every_byte_comes_back_from_its_text() -> None:
 
 def test_a_long_list_of_deviations_is_cut_with_its_count() -> None:
     deviations = Deviations()
-    for number in range(MOST_SHOWN + 7):
+    for number in range(MAX_SHOWN + 7):
         deviations.add("gaussmeter", float(number), b"READ?", b"FETC?", number)
     assert deviations.lines()[-2:] == [
         "and 7 more; --json lists all of them",
-        f"0 messages sent, {MOST_SHOWN + 7} deviations",
+        f"0 messages sent, {MAX_SHOWN + 7} deviations",
     ]

@@ -11,7 +11,7 @@ import pytest
 from station.decision import Limit
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT, EXIT_UNDETERMINED, InputError
 from station.findings import Estimate, Findings
-from station.procedure import as_declared, procedure_of
+from station.procedure import check_findings, procedure_of
 from station.record.folder import RunFolder
 from station.report.tables import junit_of
 from station.results import ResultDocument, conclude
@@ -82,7 +82,7 @@ def test_a_result_in_another_unit_than_declared_is_refused() -> None:
     estimate = Estimate("magnetic_sensitivity", "IA", 4e-5, "deg/h/uT", 1e-6, 50.0, "x")
     findings = Findings([estimate], (), (), (), None)
     with pytest.raises(InputError, match="in deg/h/uT, its procedure declares deg/h/mT"):
-        as_declared(procedure_of("rlg-magnetic-sensitivity"), findings)
+        check_findings(procedure_of("rlg-magnetic-sensitivity"), findings)
 
 
 def test_a_result_that_is_not_declared_is_refused() -> None:
@@ -90,4 +90,4 @@ def test_a_result_that_is_not_declared_is_refused() -> None:
     estimate = Estimate("magnetic_sensitivty", "IA", 0.04, "deg/h/mT", 1e-3, 50.0, "x")
     findings = Findings([estimate], (), (), (), None)
     with pytest.raises(InputError, match="the `results` of rlg-magnetic-sensitivity name magnetic"):
-        as_declared(procedure_of("rlg-magnetic-sensitivity"), findings)
+        check_findings(procedure_of("rlg-magnetic-sensitivity"), findings)

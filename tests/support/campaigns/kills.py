@@ -32,7 +32,7 @@ from station.record.folder import RunFolder
 
 STARTING, EVALUATING = 0.1, 0.15
 """Share of the kills before the run has a folder to show, and after its last step."""
-LONGEST_START_S, LONGEST_EVALUATION_S = 1.5, 1.5
+MAX_START_S, MAX_EVALUATION_S = 1.5, 1.5
 LOOKS_EVERY_S = 0.001
 GIVES_UP_AFTER_S = 120.0
 
@@ -72,9 +72,9 @@ def kill_at_random_moment(
     draw = rng.random()
     amount, delay_s = rng.random() * expected_bytes, rng.random()
     if draw < STARTING:
-        phase, reached, delay_s = "starting", _always, delay_s * LONGEST_START_S
+        phase, reached, delay_s = "starting", _always, delay_s * MAX_START_S
     elif draw > 1 - EVALUATING:
-        phase, delay_s = "evaluating", delay_s * LONGEST_EVALUATION_S
+        phase, delay_s = "evaluating", delay_s * MAX_EVALUATION_S
         reached = _written(parent, expected_bytes)
     else:
         phase, delay_s = "measuring", delay_s * longest_delay_s

@@ -17,8 +17,8 @@ ANSWERS_WITHIN_S = 5.0
 Word = dict[str, Any]
 
 
-class Wishes:
-    """Passes wishes on. One to pause waits for its unit of work here, whatever the browser does.
+class RunRequests:
+    """Passes requests on. One to pause waits for its unit of work here, whatever the browser does.
 
     It is taken back where the panel ends.
     """

@@ -11,8 +11,8 @@ from station.clock import RealClock
 from station.control.client import ask
 from station.control.requests import Control
 from station.errors import StationError
-from station.panel import wishes
-from station.panel.wishes import Wishes
+from station.panel import run_requests
+from station.panel.run_requests import RunRequests
 from station.record.folder import RunRecord
 
 SHORT_S = 0.05
@@ -21,8 +21,8 @@ SHORT_S = 0.05
 def test_a_pause_waits_for_the_end_of_a_unit_of_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(wishes, "ANSWERS_WITHIN_S", SHORT_S)
-    clock, panel = RealClock(), Wishes()
+    monkeypatch.setattr(run_requests, "ANSWERS_WITHIN_S", SHORT_S)
+    clock, panel = RealClock(), RunRequests()
     record = RunRecord(tmp_path, "some-procedure", "SN-1", clock)
     with Control(record.path, clock) as control:
         word = panel.pass_on(record.path, "pause", {})
@@ -38,7 +38,7 @@ def test_a_pause_waits_for_the_end_of_a_unit_of_work(
 
 
 def test_a_pause_that_is_taken_back_is_not_left_behind(tmp_path: Path) -> None:
-    clock, panel = RealClock(), Wishes()
+    clock, panel = RealClock(), RunRequests()
     record = RunRecord(tmp_path, "some-procedure", "SN-1", clock)
     with Control(record.path, clock) as control:
         panel.pass_on(record.path, "pause", {})
@@ -48,4 +48,4 @@ def test_a_pause_that_is_taken_back_is_not_left_behind(tmp_path: Path) -> None:
 
 def test_a_wish_to_no_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StationError, match="no run folder"):
-        Wishes().pass_on(tmp_path, "pause", {})
+        RunRequests().pass_on(tmp_path, "pause", {})
