@@ -268,7 +268,7 @@ from station.guardian.messages import Instructions
 from station.guardian.notes import Words
 from station.guardian.watching import Peer
 from station.guardian.make_safe import MakeSafe
-from station.guardian.watching import Duty
+from station.guardian.watching import SafingOrder
 
 class Gone:
     def has_ended(self): return True
@@ -281,7 +281,7 @@ def look(event, arguments):
         opened.append(str(arguments[0]))
 
 sys.addaudithook(look)
-code = bench_guard.make_safe(Duty("It died.", ["coil_supply.x"]), Gone())
+code = bench_guard.make_safe(SafingOrder("It died.", ["coil_supply.x"]), Gone())
 print(json.dumps({"code": code, "opened": opened, "loaded": sorted(set(sys.modules) - ready)}))
 """
 
