@@ -117,7 +117,7 @@ class BenchEnergised(StationError):
     def __init__(self, energised: list[str]) -> None:
         listed = "".join(f"\n  - {instrument}" for instrument in energised)
         super().__init__(
-            "the bench is not at rest, and nothing was energised by this run; switch off by hand, "
+            "the bench is not at rest before the first step; look at it, and switch off by hand, "
             f"or by the run that uses it, then start again:{listed}"
         )
 

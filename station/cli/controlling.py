@@ -29,6 +29,7 @@ from station.files.lookup import BENCHES, find
 from station.guardian.notes import AtWork, guardian_at_work
 from station.record.events import whole_bench
 from station.record.layout import LOCK
+from station.record.run_state import RunState
 from station.safety.acknowledgement import acknowledge, addresses_in, user_name
 
 REPEATS_EVERY_S = 10.0
@@ -237,7 +238,8 @@ def say_how_it_ended(
     safe = outcomes is not None and not unverified
     exit_code = EXIT_DONE if safe and ended else EXIT_FAULT
     # One that has not ended may have no log that can be read; it reports what it used alone.
-    left_out = read_state(run).left_out() if ended else []
+    state = read_state(run) if ended else RunState()
+    left_out = state.left_out()
     if as_json:
         data = {"run": str(run), "message": message, "bench_safe": safe}
         read_back = {"safe_state": outcomes or [], "left_out": left_out}
@@ -249,7 +251,7 @@ def say_how_it_ended(
         print(f"{name:<20}{outcome['read_back'].removeprefix(name + ': ')}")
     if safe:
         used = "every instrument that the run used was read back as safe, others were not read yet"
-        print(whole_bench(left_out, read_state(run).age()) if ended else used)
+        print(whole_bench(left_out, state.age()) if ended else used)
     elif outcomes is None:
         tell(
             "NOT VERIFIED: how the bench was left is unknown; go to it now, and switch off by hand "
