@@ -29,10 +29,11 @@ from station.clock import VirtualClock
 from station.files.lookup import BENCHES, find
 from station.instruments.bench import read_bench
 from station.instruments.opening import open_instruments
+from station.method.duration import NO_TIME
+from station.method.verbs import Recording
 from station.record.folder import RunRecord
 from station.registry import DRIVERS, names
 from station.runner.progress import Progress
-from station.runner.verbs import acquire
 
 HOUR_S = 3600.0
 
@@ -72,6 +73,7 @@ def hours(parent: Path, count: int, sample_interval_s: float) -> Any:
         found = open_instruments(bench, wanted, addresses, clock, None)
         supply, gaussmeter, board = (cast(Any, found[name].instrument) for name in wanted)
         run = undirected_run(clock, record, progress)
+        run.instruments = {name: found[name].instrument for name in wanted}
         simulated.act("dut-power-on")
         supply.programme_limits()
         supply.load_sine(0.1, 1.0)
@@ -91,8 +93,8 @@ def hours(parent: Path, count: int, sample_interval_s: float) -> Any:
             def enough(_: object, end_s: float = end_s) -> bool:
                 return clock.now() >= end_s
 
-            acquire(
-                run, "day", {"gyro_acquisition": board, "gaussmeter": gaussmeter}, enough=enough
+            Recording(run, "day", {"gyro_acquisition": None, "gaussmeter": None}).until(
+                enough, takes=NO_TIME
             )
             yield {
                 "hour": hour,

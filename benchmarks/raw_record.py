@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from figures import Figures
 
-from station.record.raw import ARRIVAL, RawFile
+from station.record.raw import RawFile
+from station.roles.base import ARRIVAL
 
 CHANNELS = 8
 

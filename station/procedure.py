@@ -12,18 +12,12 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from station import registry
 from station.errors import InputError
 from station.files.faults import FaultList
+from station.method.dry_run import DryRun, Forecast, Walk
+from station.method.duration import Duration
 from station.method.prompts import Prompt as Prompt
-from station.method.set_points import Envelope
-from station.method.work import (
-    NO_TIME,
-    Duration,
-    Forecast,
-    Work,
-    recordings_of,
-    set_points_of,
-    unit_durations_s,
-    units_of,
-)
+from station.method.run import EarlierProgress
+from station.method.run import Step as Step
+from station.method.work import Work, walk_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -33,7 +27,6 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
     from station.report.parts import Part
     from station.results import ResultDocument
-    from station.runner.run import Run
 
 
 @dataclass(frozen=True)
@@ -42,20 +35,6 @@ class ResultKind:
 
     axes: tuple[str, ...]
     unit: str
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step with the source document's own number.
-
-    `body` does it; `duration_s(parameters)` is the bench time that it takes beside the work that
-    the procedure declares for it.
-    """
-
-    number: str
-    title: str
-    body: Callable[[Run], None]
-    duration_s: Callable[[Any], float] = lambda _: 0.0
 
 
 @dataclass(frozen=True)
@@ -132,7 +111,7 @@ def no_problem(parameters: Any, bench: Bench) -> Iterator[Problem]:
     return iter(())
 
 
-def no_prompts(parameters: Any) -> tuple[Prompt, ...]:
+def no_prompts(parameters: Any) -> tuple[Any, ...]:
     """Return nothing: nobody is asked for anything."""
     return ()
 
@@ -224,10 +203,10 @@ class Procedure:
     parameters: type[StrictModel]
     results: Mapping[str, ResultKind]
     steps: Sequence[Step]
-    instruments: Callable[[Any], tuple[str, ...]]
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
     evaluate_dataset: Callable[[RawDataset], Findings] = no_dataset
     report: Callable[[Findings, ResultDocument], Sequence[Part]] = no_parts
+    instruments: Callable[[Any], tuple[str, ...]] = no_prompts
     prompts: Callable[[Any], tuple[Prompt, ...]] = no_prompts
     check: Callable[[Any, Bench], Iterator[Problem]] = no_problem
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
@@ -250,62 +229,38 @@ class Procedure:
                 return step
         raise InputError(f"{self.name} has no step {number}")
 
-    def declared(self, parameters: Any) -> tuple[Work, ...]:
-        """Return the work of a plan.
+    def walk(self, parameters: Any, past: EarlierProgress | None = None) -> Walk:
+        """Return what a dry run of a plan finds: a whole one, or what is left of an earlier one.
 
-        Raises InputError for work of a step, or of an instrument, that the procedure does not have.
+        Raises InputError where a step cannot be walked without a bench.
         """
-        work = tuple(self.work(parameters))
-        steps, instruments = [step.number for step in self.steps], self.instruments(parameters)
-        for part in work:
-            if part.step not in steps:
-                raise InputError(
-                    f"{self.name} declares work of step {part.step}, and its steps are "
-                    f"{', '.join(steps)}"
-                )
-            named = (
-                *(command.instrument for command in part.commands),
-                *(r.instrument for r in part.rows),
+        if self.work is not no_work:
+            return walk_of(
+                self.work(parameters), self.instruments(parameters), self.prompts(parameters)
             )
-            for instrument in named:
-                if instrument not in instruments:
-                    raise InputError(
-                        f"{self.name} declares work of {instrument} in step {part.step}, and its "
-                        f"`instruments` names {', '.join(instruments)}"
-                    )
-        return work
+        try:
+            return DryRun(parameters, past).walk(self.steps)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from error
 
     def units(self, parameters: Any) -> tuple[str, ...]:
         """Return the units of work that a run of the plan will finish, in order."""
-        return units_of(self.declared(parameters))
-
-    def expected_units(self, parameters: Any) -> dict[str, float]:
-        """Return the units of work and the bench time in s that each is expected to take."""
-        return unit_durations_s(self.declared(parameters))
+        return self.walk(parameters).units
 
     def forecast(self, parameters: Any, bench: Bench) -> Forecast:
         """Return what a run will command and record; opens nothing."""
-        work = self.declared(parameters)
-        held_bytes = self.held_bytes(parameters, bench)
-        return Forecast(set_points_of(work, bench), recordings_of(work, bench), held_bytes)
-
-    def envelope(self, parameters: Any, bench: Bench) -> Envelope | None:
-        """Return what the steps of a run may send at the most; None where nothing is declared."""
-        if self.work is no_work:
-            return None
-        return Envelope.of(self.forecast(parameters, bench).set_points)
+        walk, held_bytes = self.walk(parameters), self.held_bytes(parameters, bench)
+        return Forecast(walk.set_points(bench), walk.recordings(bench), held_bytes)
 
     def timed_steps(self, parameters: Any) -> Iterator[tuple[Step, Duration]]:
         """Yield each step with the bench time that it takes; what a person does is beside."""
-        declared = self.declared(parameters)
+        walk = self.walk(parameters)
         for step in self.steps:
-            own_s = step.duration_s(parameters)
-            work = (part.duration for part in declared if part.step == step.number)
-            yield step, sum(work, Duration(own_s, own_s, own_s))
+            yield step, walk.duration(step.number)
 
     def duration(self, parameters: Any) -> Duration:
         """Return the bench time that a run takes."""
-        return sum((duration for _, duration in self.timed_steps(parameters)), NO_TIME)
+        return self.walk(parameters).duration()
 
 
 def procedure_of(name: str) -> Procedure:

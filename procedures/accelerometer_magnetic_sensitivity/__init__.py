@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.method.commands import CoilOff, CoilOn, Homing, Power
+from station.method.verbs import come_to_rest, record_published, require_off
 from station.procedure import LazyImport, Procedure, Prompt, ResultKind, Step, usual_modules
 from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
-from station.runner.verbs import come_to_rest, record_published, require_off
 
 from .measuring import Place, finished_points, measure, turn_to
 from .parameters import AccelerometerParameters, Point
@@ -34,7 +34,7 @@ from .work import (
 )
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 RANGE_HEADROOM = 1.5
 MOUNTINGS = {
@@ -116,7 +116,7 @@ def energise(run: Run) -> None:
     parameters: AccelerometerParameters = run.parameters
     largest_mT, rms_mT = parameters.largest_field_mT, rms_field_mT(parameters)
     run.apply(CoilOn(SUPPLY))
-    run.record.event("field-on", instrument=SUPPLY, largest_field_mT=largest_mT)
+    run.event("field-on", instrument=SUPPLY, largest_field_mT=largest_mT)
     if not parameters.degauss:
         return
     for step in range(DEGAUSS_STEPS):
@@ -165,7 +165,7 @@ def remaining_angles(run: Run) -> None:
     for group in groups_of(run)[2:]:
         do_group(run, group)
     run.apply(CoilOff(SUPPLY))
-    run.record.event("field-off", instrument=SUPPLY)
+    run.event("field-off", instrument=SUPPLY)
     require_off(run, SUPPLY)
     run.apply(Power(POWER, False))
 
@@ -185,7 +185,7 @@ def identify(run: Run) -> None:
             record_published(run, published.value, published.unit, name=published.name)
     km = {published.name: published for published in analysis.published}["Km"]
     if km.value is not None:
-        run.progress.say(f"    as published Km = {km.value:.5g} {km.unit}")
+        run.say(f"    as published Km = {km.value:.5g} {km.unit}")
 
 
 STEPS = (

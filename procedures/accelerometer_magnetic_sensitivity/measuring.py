@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from station.errors import ConditionNotReached, InstrumentError
+from station.method.verbs import come_to_rest, fetch_bursts, keep, keep_row
 from station.roles import Gaussmeter, Multimeter, RotaryStage, Thermometer
-from station.runner.verbs import come_to_rest, fetch_bursts, keep, keep_row
 
 from .parameters import AccelerometerParameters, Point
 from .work import (
@@ -32,7 +32,7 @@ from .work import (
 )
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 T_PER_MT = 1e-3
 AXIS_COLUMN = "x_T"
@@ -146,13 +146,13 @@ def settle(run: Run, parameters: AccelerometerParameters, doing: str) -> float:
     rule = parameters.dwell
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     gaussmeter.drain()
-    began_s = run.clock.now()
+    began_s = run.now_s
     until_s = began_s + run.clock.patience_s(rule.at_most_s)
     steady_since_s, before_mT = began_s, math.nan
     while True:
         run.clock.sleep(FIELD_LOOK_S)
         rows = gaussmeter.drain()
-        now_s = run.clock.now()
+        now_s = run.now_s
         for field_T in rows.columns[AXIS_COLUMN]:
             field_mT = float(field_T) / T_PER_MT
             if not abs(field_mT - before_mT) <= rule.field_change_mT:
@@ -209,8 +209,8 @@ def widen(run: Run, unit: str) -> None:
     before_V = place.range_V
     wider = replace(first_range(run.parameters), largest_V=HIGHER_RANGE * before_V)
     place.range_V = run.apply(wider)
-    run.record.event("overload", unit=unit, range_V=before_V, next_range_V=place.range_V)
-    run.progress.say(f"    {unit}: overload, measured again in the {place.range_V:g} V range")
+    run.event("overload", unit=unit, range_V=before_V, next_range_V=place.range_V)
+    run.say(f"    {unit}: overload, measured again in the {place.range_V:g} V range")
 
 
 def finished_points(units: Mapping[str, Any], points: tuple[Point, ...]) -> list[Point]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError
+from station.method.run import Run
 from station.method.work import Work
 from station.procedure import (
     LazyImport,
@@ -18,7 +19,6 @@ from station.procedure import (
     Step,
     usual_modules,
 )
-from station.runner.run import Run
 from station.safety.drift import DRIFT
 
 from .causes import CAUSES

@@ -9,7 +9,7 @@ from station.procedure import Prompt
 from station.roles import DirectCurrentSupply, MadeSafe, RotaryStage, Turntable
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 WITHIN_S = 30.0
 
@@ -30,7 +30,7 @@ def bring_to_rest(run: Run) -> None:
         if not isinstance(instrument, Turntable | RotaryStage | DirectCurrentSupply):
             continue
         harmful = run.role(name, MadeSafe)
-        harmful.make_safe(run.clock.now() + WITHIN_S)
+        harmful.make_safe(run.now_s + WITHIN_S)
         reading = harmful.read_safety()
         if not reading.safe:
             raise InstrumentError(

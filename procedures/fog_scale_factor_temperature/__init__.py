@@ -35,7 +35,7 @@ from .work import (
 )
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 LEG_S = 20.0
 
@@ -66,7 +66,7 @@ def soak(run: Run) -> None:
     The soak counts from the chamber's reaching the temperature. A run that goes on in the middle of
     a ramp goes to where the ramp stood, and waits until the gyros are as warm as they were.
     """
-    from station.runner.verbs import come_to_rest
+    from station.method.verbs import come_to_rest
 
     parameters: FogParameters = run.parameters
     run.ask(MOUNT)
@@ -74,7 +74,7 @@ def soak(run: Run) -> None:
     work = run.state(BenchWork, run)
     work.chamber.programme_limits()
     work.table.programme_limits()
-    run.record.event("field-on", instrument=CHAMBER)
+    run.event("field-on", instrument=CHAMBER)
     for axis in astuple(work.axes):
         if not work.table.is_homed(axis):
             work.table.home(axis)
@@ -88,7 +88,7 @@ def soak(run: Run) -> None:
         begins_degC = min(max(stood["gyro_degC"] - EXPECTED_HEAT_DEGC, low_degC), high_degC)
     work.reach(to_soak(parameters, begins_degC), SOAK)
     if stood is None:
-        began_s = run.clock.now()
+        began_s = run.now_s
         work.follow(began_s + parameters.soak_s, SOAK, f"soaking at {low_degC:g} degC")
     run.apply(Power(POWER, True))
     work.start_navigator()
@@ -131,12 +131,12 @@ def warm_up(run: Run) -> None:
 
     rule = run.parameters.warm_up
     work = run.state(BenchWork, run)
-    began_s = run.clock.now()
+    began_s = run.now_s
     seen: list[tuple[float, float]] = []
     doing = "the gyros warm up"
     while True:
-        work.follow(run.clock.now() + rule.window_s / 60, WARM_UP, doing)
-        now_s = run.clock.now()
+        work.follow(run.now_s + rule.window_s / 60, WARM_UP, doing)
+        now_s = run.now_s
         seen.append((now_s, float(np.mean(work.gyro_degC()))))
         seen = [reading for reading in seen if reading[0] > now_s - rule.window_s]
         if now_s - began_s >= rule.window_s and len(seen) > 3:
@@ -145,7 +145,7 @@ def warm_up(run: Run) -> None:
             size = SECONDS_PER_HOUR * (abs(slope) + 2 * u)
             doing = f"the gyros change by {SECONDS_PER_HOUR * slope:+.2f} degC/h"
             if size < rule.slope_limit_degC_per_h:
-                run.progress.say(f"    warm: {doing}")
+                run.say(f"    warm: {doing}")
                 return
         if now_s - began_s > rule.at_most_s:
             raise ConditionNotReached(
@@ -159,19 +159,19 @@ def rotate_at_random(run: Run) -> None:
     """Turn about changing axes at changing rates for a while; the navigator's output is kept."""
     import random
 
-    from station.runner.verbs import come_to_rest
+    from station.method.verbs import come_to_rest
 
     parameters: FogParameters = run.parameters
     work = run.state(BenchWork, run)
     draw = random.Random(1)
-    until_s = run.clock.now() + parameters.random_rotation_s
-    while run.clock.now() < until_s:
+    until_s = run.now_s + parameters.random_rotation_s
+    while run.now_s < until_s:
         name = draw.choice(("outer", "middle", "inner"))
         rate_deg_per_s = draw.uniform(-1.0, 1.0) * parameters.turn_rate_deg_per_s
         leg = turning(rate_deg_per_s, "random rotation", name)
         axis = leg.axis_number(run.bench)
         run.apply(leg)
-        work.follow(min(run.clock.now() + LEG_S, until_s), RANDOM, "random rotation")
+        work.follow(min(run.now_s + LEG_S, until_s), RANDOM, "random rotation")
         work.table.stop(axis)
         come_to_rest(run, TABLE, "random rotation", axis=axis, every_s=0.5)
 
@@ -194,7 +194,7 @@ def fit(run: Run) -> None:
     for axis, fit in analysis.fits.items():
         if fit.curve is not None:
             at = fit.curve.largest_at_degC()
-            run.progress.say(
+            run.say(
                 f"    {axis}: order {fit.curve.order}, largest error "
                 f"{float(fit.curve.error_ppm(np.array([at]))[0]):+.1f} ppm at {at:.1f} degC"
             )

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from station.errors import ConditionNotReached, StationError
 from station.method.motion import AxisAtRate, AxisBy, AxisCommand, TemperatureTo
+from station.method.verbs import Follower, look_until
 from station.roles.turntable import table_axes
-from station.runner.verbs import Follower, look_until
 
 from .parameters import AXES, FogParameters
 from .work import CHAMBER, CHAMBER_EVERY_S, LOOK_S, NAVIGATOR, TABLE
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from station.runner.run import Run
+    from station.method.run import Run
 
 MOVING_LOOK_S = 1.0
 TURNING_LOOK_S = 2.0
@@ -55,7 +55,7 @@ class BenchWork:
         self._follower: Follower | None = None
         """Of the navigator's outputs, None where it gives none."""
         self._unit = ""
-        self._chamber_due_s = self._due_s = run.clock.now()
+        self._chamber_due_s = self._due_s = run.now_s
 
     @property
     def newest(self) -> Any:
@@ -67,9 +67,9 @@ class BenchWork:
 
         The chamber's ramp is stepped by this where its driver does that.
         """
-        from station.record.raw import ARRIVAL
+        from station.roles.base import ARRIVAL
 
-        now_s = self.run.clock.now()
+        now_s = self.run.now_s
         if now_s >= self._due_s:
             self.take(unit)
         if now_s >= self._chamber_due_s:
@@ -78,7 +78,7 @@ class BenchWork:
 
             names = [(name, np.float64) for name in (*CHAMBER_COLUMNS, ARRIVAL)]
             values = (self.chamber.temperature_degC(), self.chamber.set_point_degC(), now_s)
-            self.run.record.block(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
+            self.run.keep_rows(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
 
     def take(self, unit: str) -> None:
         """Record the navigator's outputs that have come.
@@ -111,11 +111,11 @@ class BenchWork:
         self, reached: Callable[[], bool], at_most_s: float, unit: str, doing: Callable[[], str]
     ) -> bool:
         """Record until something is reached; False where it was not within `at_most_s`."""
-        until_s = self.run.clock.now() + at_most_s
+        until_s = self.run.now_s + at_most_s
         while not reached():
-            if self.run.clock.now() >= until_s:
+            if self.run.now_s >= until_s:
                 return False
-            self.follow(self.run.clock.now() + LOOK_S, unit, doing())
+            self.follow(self.run.now_s + LOOK_S, unit, doing())
         return True
 
     def gyro_degC(self) -> NDArray[np.float64]:
@@ -164,14 +164,14 @@ class BenchWork:
             self.run.apply(move)
             axis = move.axis_number(self.run.bench)
             while self.table.is_moving(axis):
-                self.follow(self.run.clock.now() + MOVING_LOOK_S, unit, doing)
+                self.follow(self.run.now_s + MOVING_LOOK_S, unit, doing)
 
     def rest(self, unit: str, doing: str) -> None:
         """Stand for the plan's time to settle, and until an output came with the attitude at rest.
 
         Raises InstrumentError where none comes any more.
         """
-        from station.record.raw import ARRIVAL
+        from station.roles.base import ARRIVAL
 
         clock = self.run.clock
         rests_s = clock.now() + SETTLED_S

@@ -16,7 +16,7 @@ from .parameters import AXES, SECONDS_PER_HOUR, FogParameters
 from .work import CHAMBER, NAVIGATOR, PROVED_WITHIN_DEGC, full_turns, to_temperature, to_up
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 DRIFTED_DEGC = 1.0
 
@@ -54,14 +54,14 @@ def soak_again(run: Run, stood: dict[str, float]) -> None:
     """Bring gyros and chamber to where they were when the run was interrupted."""
     work = run.state(BenchWork, run)
     wanted_degC = stood["gyro_degC"]
-    run.progress.say(f"    the gyros go back to {wanted_degC:.1f} degC")
+    run.say(f"    the gyros go back to {wanted_degC:.1f} degC")
 
     def there() -> bool:
         return bool(abs(work.gyro_degC().mean() - wanted_degC) <= DRIFTED_DEGC)
 
     limit_s = run.parameters.warm_up.at_most_s
     if not work.follow_until(there, limit_s, COOLING, lambda: said_of(work)):
-        run.progress.say("    they do not come there: the ramp goes on from where they are")
+        run.say("    they do not come there: the ramp goes on from where they are")
     # A controller rounds what it reads back: at an end of the range it may lie a digit beyond.
     low_degC, high_degC = run.parameters.temperature_range_degC
     set_degC = min(max(stood["set_point_degC"], low_degC), high_degC)
@@ -89,7 +89,7 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
             PROOF,
             lambda: said_of(work),
         )
-    began_s = run.clock.now()
+    began_s = run.now_s
     number, ended_s = first, math.inf
     while True:
         run.may_pause()
@@ -103,10 +103,10 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
         if there.all():
             break
         if not work.chamber.is_ramping():
-            ended_s = min(ended_s, run.clock.now())
-        if run.clock.now() - ended_s > parameters.chamber_at_most_s:
+            ended_s = min(ended_s, run.now_s)
+        if run.now_s - ended_s > parameters.chamber_at_most_s:
             if ramp.name == PROOF:
-                run.progress.say(f"    the proof ends at {said_of(work)}: they go no further")
+                run.say(f"    the proof ends at {said_of(work)}: they go no further")
                 break
             raise ConditionNotReached(
                 f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:.3g} h after the end of the "
@@ -116,7 +116,7 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
                 f"{work.chamber.temperature_degC():.1f} degC; take a range that they reach with "
                 "their own heat"
             )
-    run.record.finish_unit(ramp.end)
+    run.finish(ramp.end)
 
 
 def fitted_degC(run: Run) -> dict[str, tuple[float, float]]:
@@ -182,7 +182,7 @@ def one_set(run: Run, name: str, number: int) -> None:
     for axis, units in turns_left(run, name, number):
         work.go_to(to_up(axis), name, f"{axis} is turned up")
         for (unit, sign), turn in zip(units, full_turns(parameters), strict=True):
-            run.record.event("unit-started", durable=False, unit=unit)
+            run.event("unit-started", durable=False, unit=unit)
             doing = f"set {number}, {axis}, {said_of(work)}"
             before_s, rests_s, after_s, turned_deg = work.turn_around(turn, unit, doing)
             stands = {
@@ -190,7 +190,7 @@ def one_set(run: Run, name: str, number: int) -> None:
                 "own_degC": float(work.gyro_degC()[AXES.index(axis)]),
                 "set_point_degC": work.chamber.set_point_degC(),
             }
-            run.record.finish_unit(
+            run.finish(
                 unit,
                 axis=axis,
                 set=number,
@@ -202,4 +202,4 @@ def one_set(run: Run, name: str, number: int) -> None:
                 chamber_degC=work.chamber.temperature_degC(),
                 stands=stands,
             )
-            work.follow(run.clock.now() + parameters.pause_s, name, doing)
+            work.follow(run.now_s + parameters.pause_s, name, doing)

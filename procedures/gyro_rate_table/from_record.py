@@ -15,7 +15,7 @@ from station.errors import MissingRows
 
 from .dataset import SECONDS_PER_HOUR, Array, RateTableDataset, Record
 from .parameters import FULL_TURN_DEG, RateTableParameters
-from .work import GYRO, TURNTABLE, UP_SENSE
+from .steps import GYRO, TURNTABLE, UP_SENSE
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

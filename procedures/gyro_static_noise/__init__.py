@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.method.commands import Power
+from station.method.verbs import Follower
 from station.procedure import (
     Procedure,
     Prompt,
@@ -20,7 +21,6 @@ from station.procedure import (
     nothing_undetermined as nothing_undetermined,
 )
 from station.roles import GyroAcquisition
-from station.runner.verbs import Follower
 
 from .parameters import UNITS, StaticParameters, unit_of
 from .work import (
@@ -39,7 +39,7 @@ from .work import (
 )
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 MOUNT = Prompt(
     "mount",
@@ -75,19 +75,19 @@ def switch_on_and_record(run: Run, number: int) -> None:
     parameters: StaticParameters = run.parameters
     unit = unit_of(number)
     if run.is_finished(unit):
-        run.progress.say(f"    {unit}: measured before the run was interrupted")
+        run.say(f"    {unit}: measured before the run was interrupted")
         return
     run.may_pause()
     if number > 1:
         run.apply(Power(POWER, False))
         run.wait(parameters.cool_s, f"{unit}: the gyro cools, switched off")
     run.apply(Power(POWER, True))
-    on_s = run.clock.now()
+    on_s = run.now_s
     run.wait(parameters.warm_up_s, f"{unit}: the gyro warms up")
     run.apply(sampling(parameters))
     board = run.role(GYRO, GyroAcquisition)
     with run.unit(unit, switch_on=number, on_s=on_s):
-        until_s = run.clock.now() + parameters.lengths_s[number - 1] + LATE_S
+        until_s = run.now_s + parameters.lengths_s[number - 1] + LATE_S
         Follower(run, {GYRO: board}).follow(until_s, unit, f"{unit}: the gyro is recorded")
     board.stop()
 

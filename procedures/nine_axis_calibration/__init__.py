@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.method.commands import Power
+from station.method.verbs import record_published
 from station.procedure import LazyImport, Procedure, ResultKind, Step, usual_modules
-from station.runner.verbs import record_published
 
 from .directions import AXES, in_words
 from .parameters import NineAxisParameters, pose_unit, position_unit
@@ -21,7 +21,7 @@ from .placing import ask_to_place, make_table_ready, turn_up
 from .work import POWER, check, instruments, prompts, records, work
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 
 def mount(run: Run) -> None:
@@ -100,7 +100,7 @@ def say_published(run: Run, name: str) -> None:
         record_published(run, published.value, unit, name=name, axis=axis)
         values.append(f"{axis} {published.value:.7g}{'' if unit == '1' else f' {unit}'}")
     if values:
-        run.progress.say(f"    as published, {name}: {', '.join(values)}")
+        run.say(f"    as published, {name}: {', '.join(values)}")
 
 
 STEPS = (

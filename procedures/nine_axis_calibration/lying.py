@@ -16,7 +16,7 @@ from .pose import check_direction
 from .work import LATE_OUTPUTS_S
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 SIGMAS = 3.0
 """So many of its prior a direction between axes may be off."""
@@ -33,24 +33,22 @@ def lie(run: Run, word: str, doing: str) -> None:
         for attempt in range(1, parameters.pose.attempts + 1):
             lay(run, word, again=attempt > 1)
             sensing = Sensing(run, unit)
-            sensing.follow(
-                run.clock.now() + parameters.static_settle_s, f"{doing}, it comes to rest"
-            )
-            from_s = run.clock.now()
+            sensing.follow(run.now_s + parameters.static_settle_s, f"{doing}, it comes to rest")
+            from_s = run.now_s
             right, why = False, ""
             for lasts_s in (min(FIRST_LOOK_S, parameters.pose_time_s), parameters.pose_time_s):
                 sensing.follow(from_s + lasts_s, doing)
-                until_s = run.clock.now()
+                until_s = run.now_s
                 sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
                 right, why = _lies(parameters, word, sensing.means(from_s)[1])
                 if not right:
                     break
-            sensing.follow(run.clock.now() + LATE_OUTPUTS_S, doing)
+            sensing.follow(run.now_s + LATE_OUTPUTS_S, doing)
             sensing.stop()
             if right:
                 break
-            run.record.event("pose-refused", unit=unit, attempt=attempt, why=why)
-            run.progress.say(f"    {unit}: {why}")
+            run.event("pose-refused", unit=unit, attempt=attempt, why=why)
+            run.say(f"    {unit}: {why}")
         if not right:
             raise ConditionNotReached(
                 f"the sensor is to stand with {in_words(word)}; {why}. Look how it stands, and "

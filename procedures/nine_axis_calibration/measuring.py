@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from procedures.estimation.frozen import IN_A_ROW, longest_run
 from station.errors import ConditionNotReached, InstrumentError
-from station.runner.verbs import Follower, look_until
+from station.method.verbs import Follower, look_until
 
 from .dataset import Array
 from .directions import AXES
@@ -29,7 +29,7 @@ from .settings import PoseLimits
 from .work import EXTRA_S, IMU, LATE_OUTPUTS_S, TURNTABLE, UP_SENSE, spin
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 
 LOOK_S = 2.0
@@ -101,7 +101,7 @@ class Sensing:
 
         NaN where nothing came.
         """
-        from station.record.raw import ARRIVAL
+        from station.roles.base import ARRIVAL
 
         rows = [row[row[ARRIVAL] > from_s] for row in self._rows]
         if not any(len(row) for row in rows):
@@ -115,7 +115,7 @@ class Sensing:
 
         Of the outputs since a time. For parts that nothing drives beyond their range now.
         """
-        from station.record.raw import ARRIVAL
+        from station.roles.base import ARRIVAL
 
         status = [row["status"][row[ARRIVAL] > from_s].astype(np.int64) for row in self._rows]
         if not any(len(word) for word in status):
@@ -156,9 +156,9 @@ def measure_position(run: Run, position: int, doing: str) -> None:
             from_s, until_s, pose = record_at_rest(run, position, doing, whole=left == 0)
             if pose.right:
                 break
-            run.record.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
+            run.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
             then = "it is measured again" if left else "the record counts as of a wrong position"
-            run.progress.say(f"    {unit}: {pose.why}{looks_like(pose)}; {then}")
+            run.say(f"    {unit}: {pose.why}{looks_like(pose)}; {then}")
         facts.update(from_s=from_s, until_s=until_s, attempts=attempt, right=pose.right)
 
 
@@ -186,17 +186,17 @@ def record_at_rest(
     """
     parameters: NineAxisParameters = run.parameters
     sensing = Sensing(run, position_unit(position))
-    sensing.follow(run.clock.now() + parameters.static_settle_s, f"{doing}, it comes to rest")
-    from_s = run.clock.now()
+    sensing.follow(run.now_s + parameters.static_settle_s, f"{doing}, it comes to rest")
+    from_s = run.now_s
     for lasts_s in (min(FIRST_LOOK_S, parameters.static_time_s), parameters.static_time_s):
         sensing.follow(from_s + lasts_s, doing)
-        until_s = run.clock.now()
+        until_s = run.now_s
         sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
         limits = pose_limits(parameters)
         pose = check_pose(position, *sensing.means(from_s), parameters.latitude_deg, limits)
         if not pose.right and not whole:
             break
-    sensing.follow(run.clock.now() + LATE_OUTPUTS_S, doing)
+    sensing.follow(run.now_s + LATE_OUTPUTS_S, doing)
     sensing.stop()
     return from_s, until_s, pose
 
@@ -222,22 +222,22 @@ def turn(run: Run, turn: Turn, doing: str) -> None:
         sensing = Sensing(run, turn.unit)
         run.apply(command)
         while not table.is_at_rate(axis):
-            sensing.follow(run.clock.now() + MOVING_LOOK_S, f"{doing}, the table spins up")
-        settled_s = run.clock.now() + parameters.settle_s
-        while run.clock.now() < settled_s:
-            ahead_s = min(run.clock.now() + MAX_READING_S, settled_s)
+            sensing.follow(run.now_s + MOVING_LOOK_S, f"{doing}, the table spins up")
+        settled_s = run.now_s + parameters.settle_s
+        while run.now_s < settled_s:
+            ahead_s = min(run.now_s + MAX_READING_S, settled_s)
             sensing.follow(ahead_s, f"{doing}, the rate settles")
             table.is_at_rate(axis)  # raises where it does not keep it
         # The line is then free for the first reading as it is for all others.
-        sensing.follow(run.clock.now() + SHORTEST_READING_S, doing)
-        from_s = run.clock.now()
+        sensing.follow(run.now_s + SHORTEST_READING_S, doing)
+        from_s = run.now_s
         turned_deg = read_turns(run, turn, axis, sensing, doing)
-        until_s = run.clock.now()
+        until_s = run.now_s
         across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(turn.gyro)}
         sensing.need_valid(from_s, across)
         need_gyro_follows(turn, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
         table.stop(axis)
-        sensing.follow(run.clock.now() + LATE_OUTPUTS_S, f"{doing}, the table stops")
+        sensing.follow(run.now_s + LATE_OUTPUTS_S, f"{doing}, the table stops")
         sensing.stop()
         while table.is_moving(axis):
             run.clock.sleep(MOVING_LOOK_S)
@@ -251,15 +251,15 @@ def read_turns(run: Run, turn: Turn, axis: int, sensing: Sensing, doing: str) ->
     """
     every_s = turn.reading_interval_s
     wanted_deg = turn.turns * FULL_TURN_DEG + (every_s + EXTRA_S) * abs(turn.rate_deg_per_s)
-    gives_up_s = run.clock.now() + LATE * turn.dwell_s + LATE_S
+    gives_up_s = run.now_s + LATE * turn.dwell_s + LATE_S
     first_deg = angle_deg = read_angle(run, turn.unit, axis)
     while abs(angle_deg - first_deg) < wanted_deg:
         left_s = (wanted_deg - abs(angle_deg - first_deg)) / abs(turn.rate_deg_per_s)
         turned = abs(angle_deg - first_deg) / FULL_TURN_DEG
-        next_s = run.clock.now() + min(every_s, max(left_s, SHORTEST_READING_S))
+        next_s = run.now_s + min(every_s, max(left_s, SHORTEST_READING_S))
         sensing.follow(next_s, f"{doing}, turn {turned:.1f} of {turn.turns}")
         angle_deg = read_angle(run, turn.unit, axis)
-        if run.clock.now() > gives_up_s:
+        if run.now_s > gives_up_s:
             raise ConditionNotReached(
                 f"{TURNTABLE} has made {turned:.2f} of {turn.turns} turns at "
                 f"{turn.rate_deg_per_s:g} deg/s in {LATE * turn.dwell_s + LATE_S:.0f} s; look "
@@ -270,10 +270,10 @@ def read_turns(run: Run, turn: Turn, axis: int, sensing: Sensing, doing: str) ->
 
 def read_angle(run: Run, unit: str, axis: int) -> float:
     """Record what the encoder reads, with the times before and after it was asked for."""
+    from station.method.verbs import keep_row
     from station.roles import Turntable
-    from station.runner.verbs import keep_row
 
-    asked_s = run.clock.now()
+    asked_s = run.now_s
     angle_deg = run.role(TURNTABLE, Turntable).angle_deg(axis)
     keep_row(run, unit, TURNTABLE, TABLE_COLUMNS, angle_deg, asked_s)
     return angle_deg

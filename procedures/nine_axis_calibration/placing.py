@@ -23,8 +23,8 @@ from .work import (
 )
 
 if TYPE_CHECKING:
+    from station.method.run import Run
     from station.procedure import Prompt
-    from station.runner.run import Run
 
 LOOK_S = 0.5
 
@@ -66,8 +66,8 @@ def make_table_ready(run: Run) -> None:
 
     The axes' zeros are looked for where the table does not know them.
     """
+    from station.method.verbs import come_to_rest
     from station.roles import Turntable
-    from station.runner.verbs import come_to_rest
 
     placement = run.state(Placement)
     if placement.table_is_ready:
@@ -114,7 +114,7 @@ def turn_up(run: Run, word: str) -> None:
 
 def go_to(run: Run, moves: Sequence[AxisTo], doing: str) -> None:
     """Bring axes of the table to angles, each at rest before the next moves."""
-    from station.runner.verbs import come_to_rest
+    from station.method.verbs import come_to_rest
 
     for move in moves:
         run.apply(move)

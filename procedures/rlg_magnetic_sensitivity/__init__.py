@@ -35,15 +35,15 @@ from procedures.rlg_magnetic_sensitivity.work import (
     work,
 )
 from station.method.commands import CoilOff, Power
+from station.method.verbs import acquire, record_published, require_off
 from station.procedure import Procedure, Prompt, ResultKind, Step, usual_modules
 from station.roles import CoilSupply, Gaussmeter, GyroAcquisition
-from station.runner.verbs import acquire, record_published, require_off
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from procedures.rlg_magnetic_sensitivity.dataset import Segment
-    from station.runner.run import Run
+    from station.method.run import Run
 
 MOUNT = Prompt(
     "mount",
@@ -110,7 +110,7 @@ def drive(run: Run, planned: PlannedRecord) -> None:
     """S3: each coil of a record produces a sine of its frequency f and amplitude M."""
     parameters: RlgParameters = run.parameters
     if run.is_finished(planned.unit):
-        run.progress.say(f"    {planned.unit}: measured before the run was interrupted")
+        run.say(f"    {planned.unit}: measured before the run was interrupted")
         return
     run.may_pause()
     run.apply(field_range(parameters, planned))
@@ -119,7 +119,7 @@ def drive(run: Run, planned: PlannedRecord) -> None:
         run.prepare(sine)
     for axis, sine in driven.items():
         frequency_Hz, amplitude_A = run.apply(sine), sine.current_A(run.bench)
-        run.record.event(
+        run.event(
             "field-on", axis=axis, amplitude_A=amplitude_A, frequency_Hz=frequency_Hz, durable=True
         )
     if driven:
@@ -162,7 +162,7 @@ def record(run: Run, planned: PlannedRecord) -> None:
             counter.wanted = more
     for axis in planned.energised:
         run.apply(CoilOff(coil_supply(axis)))
-        run.record.event("field-off", axis=axis)
+        run.event("field-off", axis=axis)
 
 
 def transform(run: Run, planned: PlannedRecord) -> None:
@@ -180,7 +180,7 @@ def draw(run: Run, planned: PlannedRecord) -> None:
     _, curve = run.state(Spectra).of_unit[planned.unit]
     rows = zip(*curve, strict=True)
     lines = ["frequency_Hz,amplitude_deg_per_h", *(f"{x:.9g},{y:.9g}" for x, y in rows)]
-    run.record.write_text(f"spectrum-{planned.unit}.csv", "\n".join(lines) + "\n")
+    run.write_text(f"spectrum-{planned.unit}.csv", "\n".join(lines) + "\n")
 
 
 def read_peak(run: Run, planned: PlannedRecord) -> None:
@@ -193,13 +193,13 @@ def read_peak(run: Run, planned: PlannedRecord) -> None:
         record_published(run, published.value, published.unit, axis=axis)
         if published.value is not None:
             value = f"{published.value:.4f} {published.unit}"
-            run.progress.say(f"    {axis}: as published |S| = {value}")
+            run.say(f"    {axis}: as published |S| = {value}")
 
 
 def repeat(run: Run) -> None:
     """S8: S3 to S7 again for the other coils, then S3 and S4 for what tests the results."""
     if run.parameters.excitation == "simultaneous":
-        run.progress.say("    every coil was driven in S3 already, at a frequency of its own")
+        run.say("    every coil was driven in S3 already, at a frequency of its own")
     for planned in all_records(run.parameters)[1:]:
         parts = (drive, record, transform, draw, read_peak)
         for part in parts if planned.purpose == "sensitivity" else parts[:2]:

@@ -27,14 +27,14 @@ from procedures.rlg_magnetic_sensitivity.work import (
 from station.console import span
 from station.errors import ConditionNotReached
 from station.method.commands import Power
+from station.method.verbs import acquire
 from station.roles import GyroAcquisition
-from station.runner.verbs import acquire
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from procedures.rlg_magnetic_sensitivity.parameters import Stop
-    from station.runner.run import Run
+    from station.method.run import Run
 
 GUARD = 1.03
 """The uncertainty must be this much better than asked for: at the end of a record that stopped by
@@ -111,7 +111,7 @@ class Patience:
             standings = standings_of(self._run, self._planned, facts)
         self._standing = ", ".join(self._told(standing) for standing in standings)
         if is_enough(standings, self._stop):
-            self._run.progress.say(f"    {self._planned.unit}: enough: {self._standing}")
+            self._run.say(f"    {self._planned.unit}: enough: {self._standing}")
             return None
         return samples_at_next_look(standings, self._stop, self._planned, samples)
 
@@ -176,11 +176,11 @@ def warm_up(run: Run) -> None:
     run.apply(Power(POWER, True))
     run.apply(gyro_sampling(parameters))
     board = run.role(GYRO, GyroAcquisition)
-    began_s = run.clock.now()
+    began_s = run.now_s
     doing = "filling the window"
     while True:
-        follow_gyro(run, board, run.clock.now() + WARM_UP_LOOKS_EVERY_S, doing)
-        elapsed_s = run.clock.now() - began_s
+        follow_gyro(run, board, run.now_s + WARM_UP_LOOKS_EVERY_S, doing)
+        elapsed_s = run.now_s - began_s
         if elapsed_s < rule.window_s:
             continue
         rows = round(elapsed_s / parameters.sample_interval_s)
@@ -192,8 +192,8 @@ def warm_up(run: Run) -> None:
         slope_deg_per_h2, u_deg_per_h2 = 3600 * slope, 3600 * u
         doing = f"slope {slope_deg_per_h2:+.3f} ± {2 * u_deg_per_h2:.3f} deg/h^2"
         if abs(slope_deg_per_h2) + 2 * u_deg_per_h2 < rule.slope_limit_deg_per_h2:
-            run.record.finish_unit(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
-            run.progress.say(f"    warm: {doing}")
+            run.finish(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
+            run.say(f"    warm: {doing}")
             warn_of_beats(run, rate_deg_per_h, record.interval_s)
             return
         if elapsed_s >= rule.at_most_s:
@@ -210,7 +210,7 @@ def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, doing: str) ->
         run,
         WARM_UP,
         {GYRO: board},
-        enough=lambda _: run.clock.now() >= until_s,
+        enough=lambda _: run.now_s >= until_s,
         detail=lambda: doing,
     )
 
@@ -234,4 +234,4 @@ def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> 
         planned.samples * parameters.sample_interval_s,
     )
     if beat is not None:
-        run.progress.say(f"    WARNING: {beat.does}; better: {beat.helps}")
+        run.say(f"    WARNING: {beat.does}; better: {beat.helps}")

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from station.errors import ConditionNotReached
 from station.method.cell_commands import PumpLight
 from station.method.prompts import AskedValue
+from station.method.verbs import keep, record_published
 from station.procedure import Procedure, Prompt, ResultKind, Step, usual_modules
-from station.runner.verbs import keep, record_published
 
 from .cell import Cell, LightPassed, fields_lost, null_residual_field
 from .parameters import SerfParameters
@@ -21,7 +21,7 @@ from .shots import AXES, PAIRS, REPEATED, Wanted
 from .work import PUMP, check, fields_of, held, instruments, outlook, records, work
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
     from .checks import PublishedAngles
 
@@ -63,9 +63,9 @@ def depolarise(run: Run) -> None:
         return
     cell = run.state(Cell, run)
     cell.prepare()
-    run.record.event("field-on", instrument="signal_generator")
+    run.event("field-on", instrument="signal_generator")
     if not parameters.gyro_was_running:
-        run.progress.say("    the gyro was not running: no nuclei to depolarise, as published")
+        run.say("    the gyro was not running: no nuclei to depolarise, as published")
         return
     rule = parameters.depolarise
     for attempt in range(1, rule.rounds + 1):
@@ -74,7 +74,7 @@ def depolarise(run: Run) -> None:
         cell.release("gradient")
         seen_Hz = first_frequency_Hz(run, "the nuclei are looked for")
         low_Hz, high_Hz = expected_Hz(parameters)
-        run.record.event("depolarised", attempt=attempt, frequency_Hz=seen_Hz)
+        run.event("depolarised", attempt=attempt, frequency_Hz=seen_Hz)
         if seen_Hz is not None and low_Hz <= seen_Hz <= high_Hz:
             return
     raise ConditionNotReached(
@@ -134,10 +134,10 @@ def take(run: Run, shot: Wanted) -> None:
             reason = bad_attempt(run, cell, shot, last=left == 0)
             if reason is None:
                 return
-            run.progress.say(f"    {shot.id}: {reason}")
+            run.say(f"    {shot.id}: {reason}")
             if left:
-                run.record.event(REPEATED, unit=shot.id, reason=reason)
-        run.record.event("shot-stays-bad", unit=shot.id, reason=reason)
+                run.event(REPEATED, unit=shot.id, reason=reason)
+        run.event("shot-stays-bad", unit=shot.id, reason=reason)
 
 
 def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None:
@@ -174,7 +174,7 @@ def read_slowing_down(run: Run) -> None:
     if paper.slowing_down is not None:
         q = paper.slowing_down
         record_published(run, q, "1", name="slowing_down_factor")
-        run.progress.say(f"    {frequency_Hz:.2f} Hz, Q = {q:.3f}")
+        run.say(f"    {frequency_Hz:.2f} Hz, Q = {q:.3f}")
 
 
 def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
@@ -212,7 +212,7 @@ def read_first_angle(run: Run) -> None:
     angle_deg = published_so_far(run, 2)[0].angles_deg[pair]
     if angle_deg is not None:
         record_published(run, angle_deg, "deg", name="nonorthogonality_angle", axis=pair)
-        run.progress.say(f"    as published theta_{pair} = {angle_deg:.3f} deg")
+        run.say(f"    as published theta_{pair} = {angle_deg:.3f} deg")
 
 
 def other_shots(run: Run) -> None:
@@ -226,7 +226,7 @@ def other_shots(run: Run) -> None:
     for generator in cell.generators.values():
         for channel in (1, 2):
             generator.switch_off(channel)
-    run.record.event("field-off", instrument="signal_generator")
+    run.event("field-off", instrument="signal_generator")
 
 
 STEPS = (

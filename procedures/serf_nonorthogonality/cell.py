@@ -19,8 +19,8 @@ from .shots import AXES, Wanted, shots_of
 from .work import CHANNELS, DIGITIZER, GENERATOR_XY, GENERATOR_Z, PUMP, fields_of, held
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
-    from station.runner.verbs import Block
+    from station.method.run import Run
+    from station.roles.base import Block
 
     from .dataset import Shot
     from .precession import Precession
@@ -78,7 +78,7 @@ class Cell:
         The fields are added to what each coil holds. The record's time is zero at the trigger.
         Raises LightPassed where the shutter's sensor still reads open after the record.
         """
-        from station.runner.verbs import fetch_bursts
+        from station.method.verbs import fetch_bursts
 
         parameters = self.parameters
         duration_s = parameters.record_s + 2 * self.delay_s
@@ -159,16 +159,16 @@ def null_residual_field(run: Run, cell: Cell) -> None:
         seen = look_at_shots(looks, parameters)
         cell.usual = [precession.used_fit for precession in seen if precession.used]
         residual_nT = solved_residual_nT(seen, doing)
-        run.record.event("residual-field", round=number, field_nT=residual_nT)
+        run.event("residual-field", round=number, field_nT=residual_nT)
         if residual_nT is None:
-            run.progress.say("    the residual field is not steady: it is not nulled")
+            run.say("    the residual field is not steady: it is not nulled")
             return
         size_nT = math.hypot(*residual_nT.values())
-        run.progress.say(f"    residual field {size_nT:.2f} nT in round {number}")
+        run.say(f"    residual field {size_nT:.2f} nT in round {number}")
         if size_nT <= rule.tolerance_nT:
             return
         if size_nT > rule.at_most_nT:
-            run.progress.say(
+            run.say(
                 f"    more than nulling.at_most, {rule.at_most_nT:g} nT: not the shield's, and not "
                 "nulled; were the nuclei depolarised?"
             )

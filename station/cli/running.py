@@ -45,7 +45,7 @@ from station.safety.witness import not_asked
 if TYPE_CHECKING:
     from station.files.plan import Plan
     from station.instruments.bench import Bench
-    from station.method.work import Duration
+    from station.method.duration import Duration
 
 
 # `station run`.

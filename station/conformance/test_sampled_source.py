@@ -9,10 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from station.conformance.fixture import Fixture
-from station.method.work import POLL_S
-from station.record.raw import ARRIVAL
+from station.method.verbs import POLL_S, to_rows
+from station.roles.base import ARRIVAL
 from station.roles.role import role
-from station.runner.verbs import to_rows
 
 RECORDED_S = 60.0
 QUIET_S = 3.0

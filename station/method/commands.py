@@ -40,6 +40,11 @@ class SineCurrent(Command[float]):
     frequency_Hz: float
     amplitude_A: float
 
+    @property
+    def assumed(self) -> float:
+        """The frequency that is asked for."""
+        return self.frequency_Hz
+
     def words(self, bench: Bench) -> str:
         """Return frequency and peak."""
         return f"sine {self.frequency_Hz:.6g} Hz, {self.amplitude_A:.3g} A"
@@ -67,6 +72,11 @@ class SineField(Command[float]):
     def current_A(self, bench: Bench) -> float:
         """Return the peak current."""
         return coil_current_A(bench, self.instrument, self.amplitude_mT)
+
+    @property
+    def assumed(self) -> float:
+        """The frequency that is asked for."""
+        return self.frequency_Hz
 
     def words(self, bench: Bench) -> str:
         """Return frequency, peak current and peak field."""
@@ -250,6 +260,11 @@ class MeterRange(Command[float]):
     nplc: float
     readings: int
 
+    @property
+    def assumed(self) -> float:
+        """The range that is asked for."""
+        return self.largest_V
+
     def words(self, bench: Bench) -> str:
         """Return how a burst is read."""
         return f"{self.readings} readings of {self.nplc:g} NPLC"
@@ -262,6 +277,11 @@ class MeterRange(Command[float]):
 @dataclass(frozen=True)
 class Homing(Command[bool]):
     """A stage looks for its encoder's zero; applied, it returns whether it had to begin to."""
+
+    @property
+    def assumed(self) -> bool:
+        """That the zero is not known."""
+        return True
 
     def words(self, bench: Bench) -> str:
         """Return that the zero is looked for."""

@@ -93,6 +93,11 @@ class AxisBy(AxisCommand[float]):
     angle_deg: float = 0.0
     bound_deg: float = 0.0
 
+    @property
+    def assumed(self) -> float:
+        """That it stands at zero."""
+        return 0.0
+
     def bounds(self, bench: Bench) -> Bounds:
         """Return the place that is reached."""
         return {"angle_deg": self.bound_deg}

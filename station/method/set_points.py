@@ -276,6 +276,11 @@ class Command(ABC, Generic[Result]):
     def words(self, bench: Bench) -> str:
         """Return what is commanded, for dry run and panel."""
 
+    @property
+    def assumed(self) -> Any:
+        """What a dry run takes for that which applying it returns."""
+        return None
+
     def bounds(self, bench: Bench) -> Bounds:
         """Return the largest values that are set; nothing where no limit can concern them."""
         return {}

@@ -26,8 +26,7 @@ from station.errors import DamagedRecord
 from station.record.blocks import CHUNK, END, HEAD, NANOSECONDS, SCHEMA, block_at, scan
 from station.record.files import AppendOnlyFile, sync_folder
 from station.record.scan import Scan
-
-ARRIVAL = "arrival_time_s"
+from station.roles.base import ARRIVAL
 
 
 class RawFile:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from station.clock import boot_seconds
 from station.record.files import is_own_file
 from station.record.layout import RAW
-from station.record.raw import ARRIVAL
 from station.record.raw_tail import RawTail
+from station.roles.base import ARRIVAL
 from station.roles.role import role, role_of
 from station.units import shown_in
 

@@ -147,6 +147,10 @@ class Identity:
     firmware: str
 
 
+ARRIVAL = "arrival_time_s"
+"""The column of a raw file that holds when a row reached the computer."""
+
+
 @dataclass(frozen=True)
 class Block:
     """Rows of a stream in the instrument's own units and time base.

@@ -53,7 +53,7 @@ def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterato
             "is at best inconclusive. Measure within the range, or have it calibrated there.",
             details={"instrument": use.instrument, "quantity": use.quantity, "value": at},
         )
-    for name in procedure.instruments(parameters):
+    for name in procedure.walk(parameters).instruments:
         unused = [
             f"{kind} of {quantity}"
             for kind, quantity in bench.statements(name)

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from station.clock import system_clock_synchronised, utc_now
+from station.method.duration import NO_TIME, Duration
 from station.method.set_points import (
     HEATING,
     QUANTITIES,
     BoundedQuantity,
     heating_W,
 )
-from station.method.work import NO_TIME, Duration
 from station.procedure import procedure_of
 from station.runner.preflight import (
     fault_of_output,
@@ -82,7 +82,7 @@ class DryRun:
                 {
                     "step": step.step,
                     "title": step.title,
-                    "starts_s": step.starts_s,
+                    "starts_s": round(step.starts_s, 6),
                     **step.duration.to_data(),
                     "set_points": [given(point) for point in step.set_points],
                 }

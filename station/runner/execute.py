@@ -30,7 +30,7 @@ from station.runner.operator import Operator
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import preflight, watch_system_clock
 from station.runner.progress import Progress, how_long
-from station.runner.run import Run
+from station.runner.run import ActingRun
 from station.runner.session import BenchSession, Replay
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
@@ -97,8 +97,8 @@ def execute(request: Request) -> Outcome:
         record = RunRecord(request.output, plan.procedure, plan.dut.serial, clock, head)
         outcome = Outcome(record.path)
         announce_folder(request.announce, record.path)
-        expected_s = procedure.duration(plan.parameters).expected_s
-        units = procedure.expected_units(plan.parameters)
+        walk = procedure.walk(plan.parameters)
+        expected_s, units = walk.duration().expected_s, walk.units_expected
         with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
             progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
@@ -111,7 +111,7 @@ def execute(request: Request) -> Outcome:
                 record.event(warning.kind, message=warning.sentence)
             record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
-            run = Run(plan, bench, clock, record, progress, operator)
+            run = ActingRun(plan, bench, clock, record, progress, operator)
             trace = Trace(record.path, clock) if request.trace else None
             StepRunner(run, procedure, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=request.report)
@@ -133,15 +133,16 @@ def what_is_planned(plan: Plan, procedure: Procedure, clock: Clock) -> dict[str,
 
     `speed` is how many times as fast as real time the run goes, None where waiting is skipped.
     """
+    walk = procedure.walk(plan.parameters)
     return {
         "procedure": plan.procedure,
         "dut": {"model": plan.dut.model, "serial": plan.dut.serial},
         "steps": [
-            {"step": step.number, "title": step.title, **duration.to_data()}
-            for step, duration in procedure.timed_steps(plan.parameters)
+            {"step": step.number, "title": step.title, **walk.duration(step.number).to_data()}
+            for step in procedure.steps
         ],
-        "units": list(procedure.units(plan.parameters)),
-        "units_expected": procedure.expected_units(plan.parameters),
+        "units": list(walk.units),
+        "units_expected": walk.units_expected,
         "speed": getattr(clock, "speed", None),
     }
 
@@ -182,8 +183,9 @@ def note_end(record: RunRecord) -> None:
 
 def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
     """Return every prompt a run may show: the procedure's own and those of its drivers."""
-    prompts = list(procedure.prompts(plan.parameters))
-    for name in procedure.instruments(plan.parameters):
+    walk = procedure.walk(plan.parameters)
+    prompts = list(walk.prompts)
+    for name in walk.instruments:
         if name in bench.instruments:
             driver = registry.load(registry.DRIVERS, bench.instruments[name].driver)
             asked: Mapping[str, str] = getattr(driver, "prompts", {})

@@ -82,7 +82,7 @@ class LiveBoard:
 
 def columns_of(row: NDArray[Any]) -> dict[str, str]:
     """Return the quantities of a row of a record, by name, as texts with units."""
-    from station.record.raw import ARRIVAL
+    from station.roles.base import ARRIVAL
 
     texts = {}
     for column in row.dtype.names or ():

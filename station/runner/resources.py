@@ -15,7 +15,7 @@ from station import registry
 if TYPE_CHECKING:
     from station.clock import Clock
     from station.instruments.bench import Bench
-    from station.method.work import Forecast
+    from station.method.dry_run import Forecast
 
 
 ROOM = 1.2
@@ -61,7 +61,7 @@ def needed_bytes(forecast: Forecast, bench: Bench, clock: Clock) -> int:
     Rows count with their number and the width of their columns; blocks with what frames them, one
     block at each look at a source, which the clock says how often comes.
     """
-    from station.method.work import POLL_S
+    from station.method.verbs import POLL_S
 
     total = BESIDE_RAW_BYTES
     for recording in forecast.recordings:
@@ -82,7 +82,7 @@ def widths(columns: tuple[str, ...]) -> tuple[int, int]:
     """Return the most bytes of a row of such columns in the raw record, and of a block's frame."""
     import numpy as np
 
-    from station.record.raw import ARRIVAL
+    from station.roles.base import ARRIVAL
 
     # No column of raw data is wider than this.
     rows = np.empty(0, dtype=[(name, np.float64) for name in (*columns, ARRIVAL)])

@@ -14,6 +14,7 @@ from station.errors import InputError
 from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
 from station.instruments.bench import Bench, bench_of
+from station.method.run import EarlierProgress
 from station.procedure import Procedure, Prompt, procedure_of
 from station.record.events import RESUMED, of_the_run
 from station.record.folder import RESULTS, RunFolder, RunRecord
@@ -33,7 +34,7 @@ from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.preflight import SMALLEST_JUMP_S, watch_system_clock
 from station.runner.progress import Progress, how_long
-from station.runner.run import EarlierProgress, Run
+from station.runner.run import ActingRun
 from station.runner.session import RESUME, BenchSession
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
@@ -120,10 +121,11 @@ def resume(request: ResumeRequest) -> Outcome:
         record = RunRecord.go_on(folder.path, clock)
         outcome = Outcome(record.path)
         announce_folder(request.announce, record.path)
-        expected_s = procedure.duration(plan.parameters).expected_s
-        expected = procedure.expected_units(plan.parameters)
-        units = {unit: s for unit, s in expected.items() if unit not in past.finished}
-        with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
+        expected_s = procedure.walk(plan.parameters).duration().expected_s
+        left = procedure.walk(plan.parameters, past)
+        units = {unit: s for unit, s in left.units_expected.items() if unit not in past.finished}
+        left_s = left.duration().expected_s
+        with Progress(left_s, units=units, quiet=request.quiet, folder=record.path) as progress:
             changed = software_changes(facts)
             record.event(
                 RESUMED,
@@ -146,7 +148,7 @@ def resume(request: ResumeRequest) -> Outcome:
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)} for a whole run")
             record.after_unit.append(progress.unit_finished)
             watch_system_clock(record, clock)
-            run = Run(plan, bench, clock, record, progress, operator, past)
+            run = ActingRun(plan, bench, clock, record, progress, operator, past)
             trace = Trace(record.path, clock, record.segment) if request.trace else None
             StepRunner(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)

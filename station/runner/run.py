@@ -1,16 +1,17 @@
-"""What a step may do: use the roles, wait, ask, record, and say how far it is."""
+"""A run that acts: the verbs of a step on an open bench, with progress, record and interlocks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock
 from station.errors import InputError
+from station.method.duration import NO_TIME, Duration
 from station.method.prompts import Prompt
+from station.method.run import NO_ROWS, EarlierProgress, Item, Rates, Result, Role, Run
 from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
 from station.roles.base import ANSWER_TIME
@@ -25,15 +26,15 @@ from station.safety.safe_state import not_off
 from station.safety.witness import Witnesses, witness_of
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from station.control.requests import Control
     from station.files.plan import Plan
     from station.instruments.bench import Bench
-    from station.method.set_points import Command, Envelope
+    from station.method.set_points import Bounded, Command, Envelope
     from station.safety.interlocks.monitor import Monitor
 
-Role = TypeVar("Role")
-State = TypeVar("State")
-Result = TypeVar("Result")
 WAIT_SLICE_S = 1.0
 SENTENCES = {
     "line-resynchronised": "something came that was not asked for; its line was resynchronised",
@@ -51,21 +52,7 @@ COMPUTES_WITHIN_S = 120.0
 """Real time that a step may work on what was recorded, without a sign of life."""
 
 
-@dataclass(frozen=True)
-class EarlierProgress:
-    """What earlier processes of the same run left: units they finished, prompts that still hold.
-
-    `finished` maps each unit to the details of its event; `answered` each prompt id to its answer,
-    none where the acts must be done again (a simulated world that ended with its process);
-    `witnessed` what each witness saw before anything was energised.
-    """
-
-    finished: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    answered: Mapping[str, str] = field(default_factory=dict)
-    witnessed: Mapping[str, Sequence[float]] = field(default_factory=dict)
-
-
-class Run:
+class ActingRun(Run):
     """One execution of a plan, as its steps see it."""
 
     def __init__(
@@ -78,19 +65,18 @@ class Run:
         operator: Operator,
         past: EarlierProgress | None = None,
     ) -> None:
-        self.plan = plan
-        self.bench = bench
-        self.clock = clock
+        super().__init__(plan.parameters, past)
+        self._plan = plan
+        self._bench = bench
+        self._clock = clock
         self.record = record
         self.progress = progress
-        self.past = past or EarlierProgress()
-        self.instruments: Mapping[str, object] = {}
+        self._instruments: Mapping[str, object] = {}
         self.left: list[Prompt] = []
         """What a person is asked once the results are written."""
         self.envelope: Envelope | None = None
-        """What the procedure declared of its commands, None where it declares none."""
+        """What the dry run held against the limits of the bench, None before it is known."""
         self._prepared: dict[Command[Any], Any] = {}
-        self._states: dict[type[Any], Any] = {}
         self.monitor: Monitor | None = None
         """The interlocks, None before they are watched."""
         self.control: Control | None = None
@@ -110,9 +96,33 @@ class Run:
         """The units of work that were to be done at the last place to pause."""
 
     @property
-    def parameters(self) -> Any:
-        """The plan's parameters, an instance of the procedure's own model."""
-        return self.plan.parameters
+    def plan(self) -> Plan:
+        """The plan."""
+        return self._plan
+
+    @property
+    def bench(self) -> Bench:
+        """The bench."""
+        return self._bench
+
+    @property
+    def clock(self) -> Clock:
+        """The run's clock."""
+        return self._clock
+
+    @property
+    def instruments(self) -> Mapping[str, object]:
+        """The open instruments by name."""
+        return self._instruments
+
+    @instruments.setter
+    def instruments(self, opened: Mapping[str, object]) -> None:
+        self._instruments = opened
+
+    @property
+    def now_s(self) -> float:
+        """Run time in s."""
+        return self.clock.now()
 
     def listen_to(self, control: Control) -> Control:
         """Let other terminals act on this run from now on; returns what they act by."""
@@ -126,7 +136,8 @@ class Run:
         """Return the opened instrument `name`, proven to have the verbs of role `kind`."""
         if name not in self.instruments:
             raise InputError(
-                f"{name}: a step uses it, and the procedure's `instruments` does not name it"
+                f"{name}: a step uses it behind `run.read` alone, where no dry run sees it; take "
+                "its role outside"
             )
         instrument = self.instruments[name]
         if not isinstance(instrument, kind):
@@ -144,12 +155,8 @@ class Run:
         self._prepared[command] = prepared
         return prepared
 
-    def apply(self, command: Command[Result]) -> Result:
-        """Send a command of the procedure's work to its instrument.
-
-        Raises InputError for one that goes beyond what was declared, and so was held against no
-        limit of the bench.
-        """
+    def apply(self, command: Command[Result], takes: Duration = NO_TIME) -> Result:
+        """Send a command to its instrument."""
         if command not in self._prepared:
             self.prepare(command)
         self.live.commanded(command.instrument, command.words(self.bench))
@@ -183,15 +190,53 @@ class Run:
                 expected[name] = witness.expected(bounds, settings) or 0.0
         return expected
 
-    def state(self, kind: type[State], *arguments: Any) -> State:
-        """Return what the steps of this process keep from one to the next, made when first asked.
+    def declare(self, *bounds: Bounded) -> None:
+        """Do nothing: the dry run took note of it."""
 
-        A class of the procedure's own; nothing that results are computed from.
-        """
-        if kind not in self._states:
-            self._states[kind] = kind(*arguments)
-        kept: State = self._states[kind]
-        return kept
+    def read(
+        self,
+        function: Callable[[], Result],
+        assumed: Any = None,
+        takes: Duration = NO_TIME,
+        rates: Rates = NO_ROWS,
+    ) -> Result:
+        """Do it."""
+        return function()
+
+    def count_rows(self, instrument: str, rows: float) -> None:
+        """Do nothing: the record counts them."""
+
+    def repeats(self, items: Iterable[Item], takes: Duration) -> Iterator[Item]:
+        """Go through items."""
+        yield from items
+
+    def toward(self, unit: str) -> AbstractContextManager[None]:
+        """Do nothing: the log says when a unit is finished."""
+        return nullcontext()
+
+    def finish(self, unit: str, **details: Any) -> None:
+        """Finish a unit of work that no `unit` encloses."""
+        self.record.finish_unit(unit, **details)
+
+    def say(self, text: str) -> None:
+        """Tell the operator something that stays."""
+        self.progress.say(text)
+
+    def event(self, kind: str, **details: Any) -> None:
+        """Add an event to the log."""
+        self.record.event(kind, **details)
+
+    def keep_rows(
+        self, instrument: str, unit: str, columns: Mapping[str, str], rows: NDArray[np.void]
+    ) -> None:
+        """Record rows of a source, and show them."""
+        self.record.block(instrument, unit, columns, rows)
+        self.live.came(instrument, rows)
+        self.witnesses.came(instrument, rows)
+
+    def write_text(self, name: str, text: str) -> None:
+        """Leave a table or text in the run folder."""
+        self.record.write_text(name, text)
 
     def do(self, number: str, title: str, expected_s: float, body: Callable[[Run], None]) -> None:
         """Do one step, with its beginning and end in the log.
@@ -207,13 +252,6 @@ class Run:
         body(self)
         self.log_notes()
         self.record.event("step-finished", durable=False, step=number)
-
-    def is_finished(self, unit: str) -> bool:
-        """Whether an earlier process of this run finished a unit of work: it stays as it is.
-
-        The steps of a resumed run are walked again; what they measured is not measured again.
-        """
-        return unit in self.past.finished
 
     @contextmanager
     def unit(self, name: str, **details: Any) -> Iterator[dict[str, Any]]:

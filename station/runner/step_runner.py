@@ -20,10 +20,11 @@ from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Identified, open_instruments, put_settings_back
 from station.instruments.whole_bench import BenchReading, UnusedInstruments, read_used
+from station.method.set_points import Envelope
 from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED, WITNESS_READ
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
-from station.runner.run import Run
+from station.runner.run import ActingRun
 from station.runner.session import BenchSession
 from station.runner.trace import Trace
 from station.runner.watchers import FolderWatch, StallWatch, StayingAwake
@@ -51,7 +52,7 @@ class StepRunner:
 
     def __init__(
         self,
-        run: Run,
+        run: ActingRun,
         procedure: Procedure,
         session: BenchSession,
         bench_file: Path,
@@ -65,7 +66,8 @@ class StepRunner:
         self._bench_file = bench_file
         self._trace = trace
         self._opened: dict[str, Identified] = {}
-        needed = procedure.instruments(run.parameters)
+        self._walk = procedure.walk(run.parameters)
+        needed = self._walk.instruments
         self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
         self._needed = {*needed}.union(*(interlock.instruments for interlock in self._interlocks))
         self._guardian: Guardian | None = None
@@ -108,14 +110,16 @@ class StepRunner:
                 )
                 self._folder_watch = stack.enter_context(FolderWatch(run.record, run.clock))
             try:
-                run.envelope = self._procedure.envelope(run.parameters, run.bench)
+                run.envelope = Envelope.of(self._walk.set_points(run.bench))
                 self._guard()
                 self._open()
                 self._watch(signals)
                 if self._first is not None:
                     run.ask_again(self._first)
-                for step, duration in self._procedure.timed_steps(run.parameters):
-                    run.do(step.number, step.title, duration.expected_s, step.body)
+                left = self._procedure.walk(run.parameters, run.past)
+                for step in self._procedure.steps:
+                    expected_s = left.duration(step.number).expected_s
+                    run.do(step.number, step.title, expected_s, step.body)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
                 self._ballast.clear()

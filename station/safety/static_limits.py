@@ -15,8 +15,8 @@ from station.units import parse_as
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
+    from station.method.dry_run import Forecast
     from station.method.set_points import SetPoint
-    from station.method.work import Forecast
     from station.procedure import Procedure
 
 RESISTANCE = "coil_resistance"
@@ -31,7 +31,7 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
     """
     problems = [
         Problem(("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs")
-        for name in procedure.instruments(parameters)
+        for name in procedure.walk(parameters).instruments
         if name not in bench.instruments
     ]
     if not procedure.steps:

@@ -11,7 +11,7 @@ from tiers import quick
 
 from station.cli.validating import read_bench_named, read_plan_for
 from station.files.lookup import PLANS, available
-from station.method.work import Duration
+from station.method.duration import Duration
 from station.procedure import procedure_of
 from station.record.events import read_events
 from station.record.layout import EVENTS

@@ -30,12 +30,13 @@ from station.clock import VirtualClock
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
 from station.instruments.opening import Place
+from station.method.duration import NO_TIME
+from station.method.verbs import Recording
 from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.operator import Operator
 from station.runner.progress import Progress
-from station.runner.run import Run
-from station.runner.verbs import acquire
+from station.runner.run import ActingRun
 
 PROCEDURE = "rlg-magnetic-sensitivity"
 STREAM_PERIODS_S = {"gyro.a": 0.013, "gyro.b": 0.02, "gyro.c": 0.05, "gyro.d": 0.1}
@@ -259,7 +260,9 @@ def four_streams(parent: Path, *, seed: int = 1, duration_s: float = 60.0) -> Pa
         watchers += [clock.start("watch field", watch_field)]
         run = undirected_run(clock, record, progress)
         end_s = clock.now() + duration_s
-        acquire(run, "all", boards, enough=lambda _: clock.now() >= end_s)
+        run.instruments = boards
+        recording = Recording(run, "all", dict.fromkeys(boards, None))
+        recording.until(lambda _: clock.now() >= end_s, takes=NO_TIME)
         clock.stop()
         for watcher in watchers:
             watcher.join(10.0)
@@ -272,14 +275,14 @@ def four_streams(parent: Path, *, seed: int = 1, duration_s: float = 60.0) -> Pa
     return record.path
 
 
-def undirected_run(clock: VirtualClock, record: RunRecord, progress: Progress) -> Run:
+def undirected_run(clock: VirtualClock, record: RunRecord, progress: Progress) -> ActingRun:
     """Return a run without steps, for code that records by itself."""
     plan = read_plan(Path(str(files("config") / "plans" / f"{PROCEDURE}.yaml")), Procedures())
     bench = read_bench(
         Path(str(files("config") / "benches" / "sim.yaml")), registry.names(registry.DRIVERS)
     )
     operator = Operator(clock, {}, interactive=False, act=None)
-    return Run(plan, bench, clock, record, progress, operator)
+    return ActingRun(plan, bench, clock, record, progress, operator)
 
 
 def only_run(parent: Path) -> Path | None:

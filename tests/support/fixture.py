@@ -18,7 +18,7 @@ from sim_instruments.world.base import Room
 from station.clock import Clock, VirtualClock
 from station.errors import InstrumentError
 from station.instruments.opening import Place
-from station.method.work import POLL_S
+from station.method.verbs import POLL_S
 from station.safety.readings import Readings
 
 

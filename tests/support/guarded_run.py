@@ -21,10 +21,10 @@ from station.guardian.supervisor import Guardian
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import open_instruments
+from station.method.verbs import to_rows
 from station.procedure import Procedures
 from station.record.folder import RunRecord
 from station.runner.execute import head_of
-from station.runner.verbs import to_rows
 from station.safety.witness import Witnesses
 
 GAUSSMETER = "gaussmeter"

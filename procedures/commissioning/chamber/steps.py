@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 from station.method.commands import Power
 from station.method.motion import ChamberOn
+from station.method.verbs import Follower, keep_row, look_until
 from station.procedure import Prompt, Step
 from station.roles import Navigator, ThermalChamber
-from station.runner.verbs import Follower, keep_row, look_until
 
 from .parameters import STEPPED, UNIT, ChamberParameters
 from .work import CHAMBER, LOOK_S, NAVIGATOR, OUTPUT_HZ, POWER, first, second
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 COLUMNS = {"temperature_degC": "degC, of the air", "set_point_degC": "degC"}
 MOUNT = Prompt(
@@ -38,7 +38,7 @@ def step(run: Run) -> None:
     chamber = run.role(CHAMBER, ThermalChamber)
     navigator = run.role(NAVIGATOR, Navigator)
     chamber.programme_limits()
-    run.record.event("field-on", instrument=CHAMBER)
+    run.event("field-on", instrument=CHAMBER)
     run.apply(ChamberOn(CHAMBER))
     run.apply(Power(POWER, True))
     navigator.start(OUTPUT_HZ)
@@ -51,10 +51,10 @@ def step(run: Run) -> None:
 
     with run.unit(UNIT) as details:
         run.apply(first(parameters))
-        look_until(run, run.clock.now() + parameters.before_s, look, "air held", LOOK_S)
+        look_until(run, run.now_s + parameters.before_s, look, "air held", LOOK_S)
         run.apply(second(parameters))
-        details[STEPPED] = run.clock.now()
-        look_until(run, run.clock.now() + parameters.after_s, look, "after the step", LOOK_S)
+        details[STEPPED] = run.now_s
+        look_until(run, run.now_s + parameters.after_s, look, "after the step", LOOK_S)
     navigator.stop()
     run.apply(Power(POWER, False))
 

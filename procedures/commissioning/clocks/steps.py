@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils.work import EARTH_FIELD_MT, GAUSSMETER
 from station.method.commands import FieldRange
+from station.method.verbs import Follower
 from station.method.work import POLL_S, Rows, Work
 from station.procedure import Step
 from station.roles import Gaussmeter
-from station.runner.verbs import Follower
 
 from .parameters import UNIT, ClockParameters
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 RANGE = FieldRange(GAUSSMETER, 3.0 * EARTH_FIELD_MT, decided_by=("parameters", "clocks"))
 
@@ -41,7 +41,7 @@ def gaussmeter(run: Run) -> None:
     source = run.role(GAUSSMETER, Gaussmeter)
     source.drain()
     with run.unit(UNIT):
-        until_s = run.clock.now() + parameters.record_s
+        until_s = run.now_s + parameters.record_s
         Follower(run, {GAUSSMETER: source}).follow(until_s, UNIT, UNIT, POLL_S)
 
 

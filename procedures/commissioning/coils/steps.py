@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.method.commands import CoilOff, CoilOn
+from station.method.verbs import Follower, keep_row, require_off
 from station.procedure import Prompt, Step
 from station.roles import DirectCurrentSupply, Gaussmeter
-from station.runner.verbs import Follower, keep_row, require_off
 
 from .parameters import COILS, CoilParameters, CoilRecord, ambient_unit
 from .work import GAUSSMETER, coil_field, field_range, supply_of
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 CURRENT_COLUMNS = {
     "current_A": "A, read back",
@@ -88,7 +88,7 @@ def follow_field(run: Run, unit: str) -> None:
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     run.wait(parameters.settle_s, unit)
     gaussmeter.drain()
-    until_s = run.clock.now() + parameters.record_s
+    until_s = run.now_s + parameters.record_s
     Follower(run, {GAUSSMETER: gaussmeter}).follow(until_s, unit, unit, LOOK_S)
 
 

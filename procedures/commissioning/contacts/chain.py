@@ -15,7 +15,7 @@ from station.roles.interlock_chain import InterlockChain, SeesContacts
 from .parameters import CHAIN, ContactParameters, chain_unit
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 
 def chain_prompts(contact: str) -> tuple[Prompt, Prompt]:

@@ -16,7 +16,7 @@ from .chain import chain, chain_prompts
 from .parameters import CHAIN, CHAMBER, UNIT, ContactParameters, chain_unit
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 DOOR = "door"
 PROMPTS = {

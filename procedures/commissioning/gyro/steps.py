@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
 from station.method.commands import Power
+from station.method.verbs import Follower
 from station.procedure import Prompt, Step
 from station.roles import GyroAcquisition
-from station.runner.verbs import Follower
 
 from .parameters import CHANNELS, CHANNELS_UNIT, REST_UNIT, GyroParameters
 from .work import GYRO, POWER, sampling
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 LIT = "lit"
 MOUNT = Prompt(
@@ -77,7 +77,7 @@ def rest(run: Run) -> None:
     with run.unit(REST_UNIT, channel=channel):
         run.apply(sampling(parameters, channel))
         follower = Follower(run, {GYRO: board})
-        follower.follow(run.clock.now() + parameters.record_s, REST_UNIT, REST_UNIT)
+        follower.follow(run.now_s + parameters.record_s, REST_UNIT, REST_UNIT)
         board.stop()
         follower.take(REST_UNIT)
     run.apply(Power(POWER, False))

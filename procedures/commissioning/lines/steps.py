@@ -13,7 +13,7 @@ from .parameters import line_unit, return_unit
 from .work import pull
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 SOURCE = "lines"
 BEFORE, SINCE = "errors_before", "errors_since"
@@ -67,22 +67,22 @@ def come_back(run: Run) -> None:
 
 def _one(run: Run, instrument: Instrument, known: object) -> tuple[float, bool, bool]:
     """Return how long one question took in s, whether it was answered, and as before."""
-    began_s = run.clock.now()
+    began_s = run.now_s
     try:
         who = instrument.identify()
     except InstrumentError:
         return float("nan"), False, False
-    return run.clock.now() - began_s, True, who == known
+    return run.now_s - began_s, True, who == known
 
 
 def _record(run: Run, unit: str, rows: list[tuple[float, bool, bool]]) -> None:
     import numpy as np
 
-    from station.record.raw import ARRIVAL
+    from station.roles.base import ARRIVAL
 
     names = [(name, np.float64) for name in (*COLUMNS, ARRIVAL)]
-    now_s = run.clock.now()
-    run.record.block(SOURCE, unit, COLUMNS, np.array([(*row, now_s) for row in rows], dtype=names))
+    now_s = run.now_s
+    run.keep_rows(SOURCE, unit, COLUMNS, np.array([(*row, now_s) for row in rows], dtype=names))
 
 
 STEPS = (

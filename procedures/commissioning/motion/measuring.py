@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached
+from station.method.verbs import Follower, keep_row
 from station.roles import Imu, Navigator, Turntable
-from station.runner.verbs import Follower, keep_row
 
 from .parameters import MotionParameters, TableTurn
 from .placing import go_to
 from .work import IMU, TURNTABLE, begin_of, spin
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 LOOK_S = 0.5
 LATE, LATE_S = 1.5, 10.0
@@ -65,14 +65,14 @@ def record_turn(run: Run, turn: TableTurn) -> None:
     go_to(run, begin_of(turn))
     with run.unit(turn.unit) as facts:
         sensing = Sensing(run, turn.unit)
-        marks_s = [run.clock.now()]
+        marks_s = [run.now_s]
         rest(run, turn, sensing, parameters.rest_s)
         for sense in (+1, -1):
-            marks_s.append(run.clock.now())
+            marks_s.append(run.now_s)
             go(run, turn, sense, sensing)
-            marks_s.append(run.clock.now())
+            marks_s.append(run.now_s)
             rest(run, turn, sensing, parameters.rest_s)
-        marks_s.append(run.clock.now())
+        marks_s.append(run.now_s)
         sensing.stop()
         facts.update(marks_s=marks_s)
 
@@ -91,7 +91,7 @@ def go(run: Run, turn: TableTurn, sense: int, sensing: Sensing) -> None:
     command = spin(turn, sense)
     number = command.axis_number(run.bench)
     table = run.role(TURNTABLE, Turntable)
-    began_s, rate = run.clock.now(), abs(command.rate_deg_per_s)
+    began_s, rate = run.now_s, abs(command.rate_deg_per_s)
     gives_up_s = began_s + LATE * turn.angle_deg / rate + LATE_S
     end_deg = turn.angle_deg if sense > 0 else 0.0
     run.apply(command)
@@ -101,10 +101,10 @@ def go(run: Run, turn: TableTurn, sense: int, sensing: Sensing) -> None:
         if table.is_at_rate(number):
             read(run, turn, command.rate_deg_per_s, AT_RATE)
         left_deg = sense * (end_deg - table.angle_deg(number))
-        if run.clock.now() > gives_up_s:
+        if run.now_s > gives_up_s:
             raise ConditionNotReached(
                 f"the {turn.axis} axis of {TURNTABLE} has {left_deg:.2f} deg of {turn.unit} left "
-                f"after {run.clock.now() - began_s:.0f} s at {rate:g} deg/s; look whether "
+                f"after {run.now_s - began_s:.0f} s at {rate:g} deg/s; look whether "
                 "something holds it"
             )
     table.stop(number)

@@ -10,15 +10,15 @@ from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import ConditionNotReached
 from station.method.commands import Power
 from station.method.motion import AxisTo
+from station.method.verbs import come_to_rest
 from station.procedure import Prompt
 from station.roles import Navigator, Turntable
-from station.runner.verbs import come_to_rest
 
 from .parameters import HOME, MotionParameters
 from .work import IMU, NAVIGATOR, POWER, TURNTABLE, moves
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 LOOK_S, ALIGN_LOOK_S = 0.5, 5.0
 THERE_DEG = 0.003
@@ -94,10 +94,10 @@ def align(run: Run) -> None:
         return
     navigator = run.role(NAVIGATOR, Navigator)
     navigator.align(parameters.latitude_deg)
-    until_s = run.clock.now() + parameters.align_at_most_s
+    until_s = run.now_s + parameters.align_at_most_s
     while not navigator.status().aligned:
         run.wait(ALIGN_LOOK_S, "the navigator aligns")
-        if run.clock.now() > until_s:
+        if run.now_s > until_s:
             raise ConditionNotReached(
                 f"{NAVIGATOR} was not aligned within {parameters.align_at_most_s / 60.0:g} min; "
                 "look at what it reports, and that nothing shakes the table"

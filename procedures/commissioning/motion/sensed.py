@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from station.record.raw import ARRIVAL
+from station.roles.base import ARRIVAL
 
 from .parameters import MotionParameters
 from .work import IMU

@@ -15,7 +15,7 @@ from .placing import MOUNT, TURN, TableState, go_to, make_ready, turn_device
 from .work import POWER, moves
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 
 def prompts(parameters: MotionParameters) -> tuple[Prompt, ...]:

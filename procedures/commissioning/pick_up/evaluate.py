@@ -8,7 +8,7 @@ import numpy as np
 
 from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, findings_of
-from station.record.raw import ARRIVAL
+from station.roles.base import ARRIVAL
 
 from .analysis import PickUpDataset, Readings, analyse, beyond_range
 from .parameters import COILS, FREQUENCY, OFF, RESULTS, PickUpParameters, unit_of

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils.work import supply_of
 from station.method.commands import CoilOff, Power
+from station.method.verbs import fetch_bursts, keep, require_off
 from station.procedure import Prompt, Step
 from station.roles import CoilSupply, Multimeter
-from station.runner.verbs import fetch_bursts, keep, require_off
 
 from .parameters import COILS, FREQUENCY, OFF, PickUpParameters, unit_of
 from .work import METER, POWER, SETTLE_S, meter_range, sine
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 CABLES = Prompt(
     "connect-cables",
@@ -44,7 +44,7 @@ def pick_up(run: Run) -> None:
             drive = sine(parameters, coil)
             run.prepare(drive)
             frequency_Hz = run.apply(drive)
-            run.record.event("field-on", axis=coil, frequency_Hz=frequency_Hz, durable=True)
+            run.event("field-on", axis=coil, frequency_Hz=frequency_Hz, durable=True)
             run.wait(SETTLE_S, unit_of(coil))
         with run.unit(unit_of(coil), **{FREQUENCY: frequency_Hz}):
             read(run, unit_of(coil), parameters)
@@ -56,10 +56,10 @@ def pick_up(run: Run) -> None:
 def read(run: Run, unit: str, parameters: PickUpParameters) -> None:
     """Record single readings, each with the time at which it came."""
     meter = run.role(METER, Multimeter)
-    until_s = due_s = run.clock.now()
+    until_s = due_s = run.now_s
     until_s += parameters.record_s
     while due_s < until_s:
-        run.clock.sleep_until(max(due_s, run.clock.now()))
+        run.clock.sleep_until(max(due_s, run.now_s))
         meter.start(1)
         for _, block in fetch_bursts(run, unit, {METER: meter}, every_s=0.02, doing=unit):
             keep(run, unit, meter, block)

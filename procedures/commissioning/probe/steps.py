@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.coils.steps import PLACE_PROBE
 from procedures.commissioning.coils.work import GAUSSMETER, supply_of
 from station.method.commands import CoilOff, CoilOn
+from station.method.verbs import Follower, require_off
 from station.procedure import Prompt, Step
 from station.roles import DirectCurrentSupply, Gaussmeter
-from station.runner.verbs import Follower, require_off
 
 from .parameters import COILS, DEVICE, MOVE_MM, PLACES, PlaceRecord, ProbeParameters, ProbePlace
 from .work import coil_field, field_range
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 LOOK_S = 0.5
 BACK = Prompt("move-probe-back", "Move the probe back to the place of the device.")
@@ -76,7 +76,7 @@ def measure(run: Run, record: PlaceRecord, parameters: ProbeParameters) -> None:
     with run.unit(record.unit):
         run.wait(parameters.settle_s, record.unit)
         gaussmeter.drain()
-        until_s = run.clock.now() + parameters.record_s
+        until_s = run.now_s + parameters.record_s
         follower = Follower(run, {GAUSSMETER: gaussmeter})
         follower.follow(until_s, record.unit, record.unit, LOOK_S)
     if record.sense == "minus":

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
 from station.method.commands import Homing, Power
+from station.method.verbs import come_to_rest, fetch_bursts, keep, keep_row
 from station.procedure import Prompt, Step
 from station.roles import Multimeter, RotaryStage
-from station.runner.verbs import come_to_rest, fetch_bursts, keep, keep_row
 
 from .parameters import StageParameters, StageRecord
 from .work import METER, POWER, STAGE, angle_of, burst_s, meter_range
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 STAGE_COLUMNS = {"angle_deg": "deg, encoder", "commanded_deg": "deg, set-point"}
 MOUNTS = {

@@ -8,9 +8,9 @@ from procedures.commissioning.coils.parameters import COILS
 from procedures.commissioning.coils.steps import LOOK_S, PLACE_PROBE
 from procedures.commissioning.coils.work import GAUSSMETER, supply_of
 from station.method.commands import CoilOff
+from station.method.verbs import Follower, keep_row
 from station.procedure import Prompt, Step
 from station.roles import DirectCurrentSupply, Gaussmeter
-from station.runner.verbs import Follower, keep_row
 
 from .parameters import (
     COMMANDED,
@@ -23,7 +23,7 @@ from .parameters import (
 from .work import beyond_limit, cut, field_range
 
 if TYPE_CHECKING:
-    from station.runner.run import Run
+    from station.method.run import Run
 
 COLUMNS = {FLOWS: "A, read back", COMMANDED: "A, asked for beyond the limit"}
 
@@ -72,7 +72,7 @@ def follow_field(run: Run, unit: str) -> None:
     gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     run.wait(parameters.settle_s, unit)
     gaussmeter.drain()
-    until_s = run.clock.now() + parameters.record_s
+    until_s = run.now_s + parameters.record_s
     Follower(run, {GAUSSMETER: gaussmeter}).follow(until_s, unit, unit, LOOK_S)
 
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.record.files import A_COPY, replaced
-from station.record.raw import ARRIVAL, read_blocks
+from station.record.raw import read_blocks
 from station.record.raw_damage import raw_files, segment_of, source_of
+from station.roles.base import ARRIVAL
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder

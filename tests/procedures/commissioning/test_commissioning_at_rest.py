@@ -28,10 +28,7 @@ class Bench:
             reading = SafetyReading(safe.get(name.partition(".")[0], True), "turning")
             self.instruments[name].read_safety.return_value = reading
         self.asked: list[str] = []
-        self.clock = self
-
-    def now(self) -> float:
-        return 0.0
+        self.now_s = 0.0
 
     def role(self, name: str, kind: type[Any]) -> Any:
         return self.instruments[name]

@@ -9,7 +9,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from procedures.gyro_rate_table import PROCEDURE
 from procedures.gyro_rate_table.figures import draw_parts
 from procedures.gyro_rate_table.parameters import RateTableParameters
-from procedures.gyro_rate_table.turning import need_gyro_follows
+from procedures.gyro_rate_table.steps import need_gyro_follows
 from station.errors import ConditionNotReached
 from station.record.folder import RunFolder
 from station.runner.evaluation import evaluate_run

@@ -39,7 +39,7 @@ from station.procedure import Prompt
 from station.record.folder import RunRecord
 from station.runner.operator import Operator
 from station.runner.progress import Progress
-from station.runner.run import Run
+from station.runner.run import ActingRun
 
 LIMITS = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}
 LONG_S = 20.0
@@ -50,7 +50,7 @@ CLOSES_WITHIN_S = 10.0
 class Desk:
     """A run that other terminals can reach, and what those were answered."""
 
-    run: Run
+    run: ActingRun
     control: Control
     answers: list[dict[str, Any]] = field(default_factory=list)
     terminals: list[Thread] = field(default_factory=list)

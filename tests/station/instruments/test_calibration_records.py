@@ -116,7 +116,7 @@ def test_shipped_benches_have_the_records_that_shipped_plans_need(path: Path) ->
         bench = read_bench_named(name)
         plan = read_plan_for(str(path), read_bench_named("sim"))
         procedure = procedure_of(plan.procedure)
-        if set(procedure.instruments(plan.parameters)) <= set(bench.instruments):
+        if set(procedure.walk(plan.parameters).instruments) <= set(bench.instruments):
             found = record_flags(procedure, plan.parameters, bench)
             assert not {flag.code for flag in found} & set(NOT_STATED), name
 

@@ -37,7 +37,7 @@ from station.files.plan import Plan, read_plan
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, procedure_of
 from station.record.folder import PIECE_ROWS, RunFolder, RunRecord
-from station.record.raw import ARRIVAL
+from station.roles.base import ARRIVAL
 from station.runner.evaluation import evaluate_run
 from station.runner.resources import Memory, memory_of
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 
-from station.record.raw import ARRIVAL, RawFile, RawIndex
+from station.record.raw import RawFile, RawIndex
+from station.roles.base import ARRIVAL
 
 BLOCK = np.dtype([("counts", np.int32), (ARRIVAL, np.float64)])
 

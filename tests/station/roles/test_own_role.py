@@ -17,8 +17,8 @@ from station.files.faults import FaultList
 from station.files.lookup import BENCHES, find
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.bench import Bench, bench_file, bench_of
+from station.method.dry_run import Forecast
 from station.method.set_points import Bounded, Envelope, SetPoint
-from station.method.work import Forecast
 from station.roles.role import Limit, Quantity, Role, collected, kind_of, safe_states
 from station.safety.static_limits import beyond_limits
 from station.schema import schema_text

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,15 +25,16 @@ from station.files.plan import read_plan
 from station.instruments.bench import Bench, read_bench
 from station.method.cell_commands import CellField
 from station.method.commands import Power, SineField, SteadyField
+from station.method.run import Run
 from station.method.set_points import Bounded, Command, Envelope, SetPoint
-from station.method.work import Rows, Work
-from station.procedure import Procedures, no_work, procedure_of
+from station.procedure import Procedures, Step, procedure_of
 from station.record.folder import RunFolder
+from station.roles import GyroAcquisition
 from station.runner.execute import Request, execute
-from station.runner.run import Run
+from station.runner.run import ActingRun
 from station.safety.static_limits import problems_of_plan
 
-DECLARING = [name for name in Procedures() if procedure_of(name).work is not no_work]
+DECLARING = [name for name in Procedures() if procedure_of(name).steps]
 ENERGISING = {
     *("load_sine", "start_sine", "ramp_to", "switch_on", "move_to", "turn", "set_temperature"),
     *("prepare_step",),
@@ -90,26 +92,23 @@ def test_a_run_sends_what_its_procedure_declares_in_order_and_nothing_beyond(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent: list[Command[Any]] = []
-    apply = Run.apply
+    apply = ActingRun.apply
 
-    def noted(run: Run, command: Command[Any]) -> Any:
+    def noted(run: ActingRun, command: Command[Any], *takes: Any) -> Any:
         sent.append(command)
-        return apply(run, command)
+        return apply(run, command, *takes)
 
-    monkeypatch.setattr(Run, "apply", noted)
+    monkeypatch.setattr(ActingRun, "apply", noted)
     plan = read_plan(find(PLANS, name), Procedures(), SHORT_FORMS[name])
     outcome = execute(Request(plan, bench(), tmp_path, quiet=True, report=False, trace=True))
     assert outcome.exit_code == 0, outcome.error
     procedure = procedure_of(plan.procedure)
-    work = list(procedure.work(plan.parameters))
-    declared = [
-        command for part in work for command in part.commands if not isinstance(command, Bounded)
-    ]
+    walk = procedure.walk(plan.parameters)
+    declared = [command for command in walk.commands if not isinstance(command, Bounded)]
     left = iter(sent)
     assert all(command in left for command in declared)
     beside = [command for command in sent if command not in declared]
-    envelope = procedure.envelope(plan.parameters, bench())
-    assert envelope is not None
+    envelope = Envelope.of(walk.set_points(bench()))
     for command in beside:  # such as the alternating field that degausses a coil
         envelope.require(command, bench())
     for (instrument, quantity), values in on_the_wire(outcome.folder / "trace").items():
@@ -118,8 +117,8 @@ def test_a_run_sends_what_its_procedure_declares_in_order_and_nothing_beyond(
         if quantity == "current_A":
             assert max(values) == pytest.approx(high, abs=RESOLUTION), instrument
     folder = RunFolder(outcome.folder)
-    if not any(part.repeats for part in work):  # whose units the data decide
-        assert set(folder.finished_units()) == set(procedure.units(plan.parameters))
+    if not any(act.repeats for act in walk.acts):  # whose units the data decide
+        assert set(folder.finished_units()) == set(walk.units)
     held = procedure.forecast(plan.parameters, bench()).set_points
     currents_A = {one.current_A for one in held if one.current_A is not None}
     driven = [event for event in folder.events if "amplitude_A" in event.details]
@@ -173,7 +172,7 @@ class Watched:
     def role(self, name: str, kind: type[Any]) -> Any:
         raise AssertionError(f"{name} was asked as a {kind.__name__}")
 
-    prepare, apply = Run.prepare, Run.apply
+    prepare, apply = ActingRun.prepare, ActingRun.apply
 
 
 @pytest.mark.parametrize(
@@ -258,21 +257,35 @@ def test_the_field_that_degausses_a_coil_is_checked_where_no_point_goes_as_far()
         assert len([one for one in found if "60 mT" in one.what]) == faults, found
 
 
+def asks_the_board(run: Run) -> None:
+    if run.role("gyro_acquisition", GyroAcquisition).drain():
+        run.say("never said")
+
+
+def looks_at_the_bench(run: Run) -> None:
+    run.say(run.bench.name)
+
+
+def looks_at_the_record(run: Run) -> None:
+    run.say(str(run.read_back().path))
+
+
 @pytest.mark.parametrize(
-    ("work", "sentence"),
+    ("body", "sentence"),
     [
-        (Work("S33", "IA"), "declares work of step S33, and its steps are S1, S2"),
-        (Work("S4", "IA", (Power("dut_powr", on=True),)), "declares work of dut_powr in step S4"),
-        (Work("S4", "IA", (), (Rows("gausmeter", 1.0),)), "declares work of gausmeter in step S4"),
+        (asks_the_board, r"step S1: a dry run cannot know `gyro_acquisition.drain\(\)`"),
+        (looks_at_the_bench, "step S1: a dry run has no bench; put what needs it behind `run.read"),
+        (looks_at_the_record, "step S1: a dry run has no record"),
     ],
-    ids=["step", "instrument of a command", "instrument of rows"],
 )
-def test_work_of_what_the_procedure_does_not_have_is_refused(work: Work, sentence: str) -> None:
-    procedure = procedure_of("rlg-magnetic-sensitivity")
+def test_a_step_that_needs_an_instrument_where_none_is_says_what_to_write(
+    body: Callable[[Run], None], sentence: str
+) -> None:
+    procedure = procedure_of("gyro-rate-table")
     plan = read_plan(find(PLANS, procedure.name), Procedures())
-    wrong = replace(procedure, work=lambda _: (work,))
+    wrong = replace(procedure, steps=(Step("S1", "", body),))
     with pytest.raises(InputError, match=sentence):
-        wrong.units(plan.parameters)
+        wrong.walk(plan.parameters)
 
 
 def test_the_bounds_of_an_act_that_depends_on_data_are_no_command_themselves() -> None:

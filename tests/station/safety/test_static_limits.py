@@ -12,8 +12,8 @@ from interlock_helpers import bench_from
 from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import read_plan
 from station.instruments.bench import Bench
+from station.method.dry_run import Forecast
 from station.method.set_points import SetPoint
-from station.method.work import Forecast
 from station.procedure import Problem, Procedures, procedure_of
 from station.safety.static_limits import beyond_limits, problems_of_plan
 

@@ -37,7 +37,8 @@ from station.clock import VirtualClock
 from station.errors import StationError
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
-from station.method.work import POLL_S
+from station.method.run import Run
+from station.method.verbs import POLL_S
 from station.procedure import Step, procedure_of
 from station.record.events import RUN_STARTED, of_the_run
 from station.record.folder import RunFolder, RunRecord
@@ -46,7 +47,7 @@ from station.runner.execute import Request, conclude, execute, head_of, inputs_o
 from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.progress import Progress
-from station.runner.run import Run
+from station.runner.run import ActingRun
 from station.runner.session import BenchSession
 from station.runner.step_runner import StepRunner
 from station.runner.trace import Trace
@@ -192,7 +193,7 @@ def roles_and_kinds(plan: str, bench_name: str = BENCH) -> list[tuple[str, str]]
     procedure = procedure_of(read.procedure)
     simulated = served(read.procedure, bench_name)
     pairs: dict[tuple[str, str], None] = {}
-    for name in (*procedure.instruments(read.parameters), "interlock_chain"):
+    for name in (*procedure.walk(read.parameters).instruments, "interlock_chain"):
         if name in simulated:
             driver = bench.instruments[name].driver
             kinds = applicable_faults(simulated[name], driver)
@@ -248,7 +249,7 @@ def reference_run(plan_name: str, folder: Path, bench_name: str = BENCH) -> Refe
         with Progress(1.0, quiet=True) as progress:
             planned = what_is_planned(plan, procedure, clock)
             record.event(RUN_STARTED, **planned, sha256={})
-            run = Run(plan, bench, clock, record, progress, operator)
+            run = ActingRun(plan, bench, clock, record, progress, operator)
             walked = replace(procedure, steps=steps)
             StepRunner(run, walked, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=False)

@@ -1,0 +1,280 @@
+"""The steps, numbered as the station does it: mount, on, stand, turn, stand, off; again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from station.errors import ConditionNotReached
+from station.method.commands import GyroSampling, Power
+from station.method.duration import Duration, exactly, on_the_way
+from station.method.motion import AxisAtRate, AxisTo
+from station.method.run import Run
+from station.method.verbs import Recording, axis_of, come_to_rest, keep_row
+from station.procedure import Prompt, Step
+from station.roles import GyroAcquisition, Turntable
+
+from .parameters import FULL_TURN_DEG, RateTableParameters, Turn, unit_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GYRO, POWER, TURNTABLE = "gyro_acquisition", "dut_power", "turntable"
+UP_SENSE = -1.0
+"""Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
+USUAL_ACCELERATION_DEG_PER_S2 = 50.0
+CLOSE_S = 10.0
+REACHING_S, MORE_INTERVALS = 3.0, 3
+"""Time until a rate or rest is reached beside the ramps; intervals recorded beyond whole turns."""
+LATE_SAMPLES_S = 2.0
+"""Samples of a record's last moments may still be on their way when it ends."""
+LOOK_S = 0.5
+LATE, LATE_S = 1.5, 10.0
+FOLLOWS = 0.01
+TABLE_COLUMNS = {
+    "angle_deg": "deg, the encoder of the axis that turns, turns counted, clockwise from above",
+    "asked_time_s": "s, run time at which it was asked for",
+}
+
+MOUNT = Prompt(
+    "mount-gyro-on-table",
+    "Mount the gyro on the turntable, its input axis up, along the axis that turns; level the "
+    "mounting face to 1 arcmin.",
+    checklist=(
+        "The gyro is bolted, its cable goes through the slip ring and is free of the axes.",
+        "Nobody is within reach of the table.",
+    ),
+    then="cables; the gyro is switched on by the station and the table moves",
+)
+CABLES = Prompt("connect-cables", "Connect the gyro to its acquisition board and its supply.")
+
+
+def mount(run: Run) -> None:
+    """1: the gyro on the table, its cables connected."""
+    run.ask(MOUNT)
+    run.ask(CABLES)
+
+
+def first(run: Run) -> None:
+    """2 to 5: on and warm, standing, each rate in both senses, standing."""
+    switch_on_and_turn(run, 1, 1)
+
+
+def again(run: Run) -> None:
+    """6: off, cool, and the same again."""
+    switch_on_and_turn(run, 2, run.parameters.switch_ons)
+
+
+def switch_off(run: Run) -> None:
+    """7: the gyro off."""
+    run.apply(Power(POWER, False))
+
+
+STEPS = (
+    Step("1", "Mount the gyro on the table, input axis up", mount),
+    Step("2", "On, warm; standing, each rate in both senses by whole turns, standing", first),
+    Step("6", "Off, cool, and the same again for each switch-on", again),
+    Step("7", "Switch the gyro off", switch_off),
+)
+
+
+def switch_on_and_turn(run: Run, first_number: int, last_number: int) -> None:
+    """Switch the gyro on after it has cooled, let it warm up, and turn it at every rate."""
+    parameters: RateTableParameters = run.parameters
+    for number in run.unfinished(range(first_number, last_number + 1), unit_of):
+        unit = unit_of(number)
+        if number > 1:
+            run.apply(Power(POWER, False))
+            run.wait(parameters.cool_s, f"{unit}: the gyro cools, switched off")
+        make_table_ready(run)
+        run.apply(Power(POWER, True))
+        on_s = run.now_s
+        run.wait(parameters.warm_up_s, f"{unit}: the gyro warms up")
+        run.apply(GyroSampling(GYRO, parameters.sample_interval_s, parameters.channel))
+        with run.unit(unit, switch_on=number, on_s=on_s) as facts:
+            pulses = Pulses(run, unit)
+            count = len(parameters.turns)
+            facts["records"] = [
+                record(run, turn, pulses, f"{unit}: {turn.words}, {place} of {count}")
+                for place, turn in enumerate(parameters.turns, 1)
+            ]
+            pulses.follow(LATE_SAMPLES_S, f"{unit}: the last samples come", every_s=LOOK_S)
+        run.role(GYRO, GyroAcquisition).stop()
+
+
+@dataclass
+class TableReady:
+    """Whether this process of a run has closed the table's servos and levelled its plate."""
+
+    done: bool = False
+
+
+def make_table_ready(run: Run) -> None:
+    """Close the servos of the table's axes, look for unknown zeros, level the plate; once."""
+    ready = run.state(TableReady)
+    if ready.done:
+        return
+    parameters: RateTableParameters = run.parameters
+    table = run.role(TURNTABLE, Turntable)
+    table.programme_limits()
+    moves = to_level(parameters)
+    for move in (spin(parameters, parameters.turns[1]), *moves):
+        axis = axis_of(run, move)
+        if not run.read(partial(table.is_homed, axis), assumed=True):
+            table.home(axis)
+            doing = "the table looks for its zeros"
+            come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S)
+    for move in moves:
+        run.apply(move)
+        axis, doing = axis_of(run, move), "the plate is levelled"
+        come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S)
+    run.read(lambda: None, takes=on_the_way(CLOSE_S))
+    ready.done = True
+
+
+def to_level(parameters: RateTableParameters) -> tuple[AxisTo, ...]:
+    """Return the moves that level the plate of a three-axis table; a person levels another."""
+    if parameters.levelled_by != "table":
+        return ()
+    text = "middle and inner axis to 0 deg"
+    return tuple(
+        AxisTo(TURNTABLE, axis, text, angle_deg=0.0, decided_by=("parameters", "levelled_by"))
+        for axis in ("middle", "inner")
+    )
+
+
+def spin(parameters: RateTableParameters, turn: Turn) -> AxisAtRate:
+    """Return the command that lets the vertical axis turn for a record."""
+    rate, decides = UP_SENSE * turn.rate_deg_per_s, ("parameters", "rates")
+    axis = parameters.table_axis
+    return AxisAtRate(TURNTABLE, "outer", turn.words, axis, rate, decided_by=decides)
+
+
+class Pulses(Recording):
+    """The gyro's counts of one switch-on, recorded as they come."""
+
+    def __init__(self, run: Run, unit: str) -> None:
+        self.parameters: RateTableParameters = run.parameters
+        super().__init__(run, unit, {GYRO: 1.0 / self.parameters.sample_interval_s})
+        self._rows: list[NDArray[Any]] = []
+
+    def take(self) -> dict[str, NDArray[Any]]:
+        """Record what has come, and keep it for `rate_deg_per_s`."""
+        came = super().take()
+        self._rows += came.values()
+        return came
+
+    def rate_deg_per_s(self, from_s: float) -> float:
+        """Return the gyro's mean rate by the samples that came since a time; NaN without two."""
+        import numpy as np
+
+        from procedures.estimation.pulses import pulses_of
+        from station.roles.base import ARRIVAL
+
+        rows = np.concatenate(self._rows) if self._rows else None
+        if rows is None or int(np.sum(rows[ARRIVAL] > from_s)) < 2:
+            return float("nan")
+        counts = pulses_of(rows["counts"][rows[ARRIVAL] > from_s])
+        arcsec = float(np.mean(counts)) * self.parameters.pulse_weight_arcsec
+        return arcsec / 3600.0 / self.parameters.sample_interval_s
+
+
+def record_s(parameters: RateTableParameters, turn: Turn) -> float:
+    """Return how long a record lasts: whole turns, and intervals to choose whole ones from."""
+    return turn.record_s + MORE_INTERVALS * parameters.sample_interval_s
+
+
+def recording_s(parameters: RateTableParameters, turn: Turn) -> Duration:
+    """Return the bench time of a record, with the ways to the rate and back to rest.
+
+    A record ends with the first reading of the angle after its time.
+    """
+    every_s = parameters.reading_interval_s
+    record = exactly(record_s(parameters, turn)) + Duration(every_s / 2.0, 0.0, every_s)
+    if not turn.rate_deg_per_s:
+        return record
+    ramps_s = 2.0 * abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2
+    return record + exactly(parameters.settle_s) + on_the_way(ramps_s + REACHING_S)
+
+
+def record(run: Run, turn: Turn, pulses: Pulses, doing: str) -> dict[str, float]:
+    """Record the table standing or whole turns at a rate; returns from when to when that is."""
+    parameters: RateTableParameters = run.parameters
+    command = spin(parameters, turn)
+    table, axis = run.role(TURNTABLE, Turntable), axis_of(run, command)
+
+    def act() -> dict[str, float]:
+        if turn.rate_deg_per_s:
+            spin_up(run, table, axis, pulses, doing)
+        from_s = run.now_s
+        turned_deg = read_turns(run, turn, axis, pulses, doing)
+        until_s = run.now_s
+        if turn.rate_deg_per_s:
+            rate = UP_SENSE * turned_deg / (until_s - from_s)
+            need_gyro_follows(turn, pulses.rate_deg_per_s(from_s), rate)
+            table.stop(axis)
+            while table.is_moving(axis):
+                pulses.follow(LOOK_S, f"{doing}: the table stops", every_s=LOOK_S)
+        return {"rate_deg_per_s": turn.rate_deg_per_s, "from_s": from_s, "until_s": until_s}
+
+    if turn.rate_deg_per_s:
+        run.apply(command)
+    rates = {**pulses.rates, TURNTABLE: 1.0 / parameters.reading_interval_s}
+    return run.read(act, {}, recording_s(parameters, turn), rates)
+
+
+def spin_up(run: Run, table: Turntable, axis: int, pulses: Pulses, doing: str) -> None:
+    """Wait until the table is at its rate, then until the rate has settled."""
+    parameters: RateTableParameters = run.parameters
+    while not table.is_at_rate(axis):
+        pulses.follow(LOOK_S, f"{doing}: the table spins up", every_s=LOOK_S)
+    settled_s = run.now_s + parameters.settle_s
+    while (left_s := settled_s - run.now_s) > 0.0:
+        ahead_s = min(parameters.reading_interval_s, left_s)
+        pulses.follow(ahead_s, f"{doing}: the rate settles", every_s=LOOK_S)
+        table.is_at_rate(axis)  # raises where it does not keep it
+
+
+def read_turns(run: Run, turn: Turn, axis: int, pulses: Pulses, doing: str) -> float:
+    """Read the table's angle until the turns are whole; returns the angle turned in deg.
+
+    Raises ConditionNotReached where they take far longer than they should.
+    """
+    parameters: RateTableParameters = run.parameters
+    from_s, wanted_s = run.now_s, record_s(parameters, turn)
+    wanted_deg = abs(turn.rate_deg_per_s) * wanted_s
+    first_deg = angle_deg = read_angle(run, pulses.unit, axis)
+    while run.now_s < from_s + wanted_s or abs(angle_deg - first_deg) < wanted_deg:
+        turned = abs(angle_deg - first_deg) / FULL_TURN_DEG
+        every_s = parameters.reading_interval_s
+        pulses.follow(every_s, f"{doing}: turn {turned:.1f}", every_s=LOOK_S)
+        angle_deg = read_angle(run, pulses.unit, axis)
+        if run.now_s > from_s + LATE * wanted_s + LATE_S:
+            raise ConditionNotReached(
+                f"{TURNTABLE} has made {turned:.2f} turns at {turn.rate_deg_per_s:g} deg/s in "
+                f"{run.now_s - from_s:.0f} s; look whether something holds it"
+            )
+    return angle_deg - first_deg
+
+
+def read_angle(run: Run, unit: str, axis: int) -> float:
+    """Record what the encoder reads, with the times before and after it was asked for."""
+    asked_s = run.now_s
+    angle_deg = run.role(TURNTABLE, Turntable).angle_deg(axis)
+    keep_row(run, unit, TURNTABLE, TABLE_COLUMNS, angle_deg, asked_s)
+    return angle_deg
+
+
+def need_gyro_follows(turn: Turn, read_deg_per_s: float, rate_deg_per_s: float) -> None:
+    """Raise ConditionNotReached where the gyro does not feel the turns, or the other way round.
+
+    A gyro that saturates is no reason: its record is left out and flagged.
+    """
+    if not read_deg_per_s / rate_deg_per_s < FOLLOWS:
+        return
+    raise ConditionNotReached(
+        f"{GYRO} counts {read_deg_per_s:.4g} deg/s while {TURNTABLE} turns at "
+        f"{rate_deg_per_s:.4g} deg/s (positive: counter-clockwise from above); look whether the "
+        "gyro's input axis points up and which of the table's axes is which in the bench file"
+    )
