@@ -16,7 +16,7 @@ from rich.console import Console
 
 from station.cli.attaching import begin_detached
 from station.clock import RealClock, local_time
-from station.control.client import ask
+from station.control.channel import ask
 from station.control.run_reader import RunReader
 from station.record.series import RunSeries
 from station.view.drawing import Drawing, Frame, Picture

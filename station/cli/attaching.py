@@ -22,7 +22,8 @@ from station.cli.controlling import abort_run
 from station.cli.running import ANNOUNCE, may_ask
 from station.clock import RealClock, boot_seconds, local_time, utc_now
 from station.console import span, tell
-from station.control.client import NotRunning, ask, not_running
+from station.control.channel import NotRunning, ask, not_running
+from station.control.questions import Operator, discard_typed
 from station.control.signals import WISHES
 from station.control.status import read_state, read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, InputError
@@ -36,7 +37,6 @@ from station.record.layout import EVENTS, LOCK, RUN
 from station.record.log_tail import LogTail
 from station.record.run_state import RunState
 from station.runner.evaluation import evaluate_run, exit_code_of
-from station.runner.operator import Operator, discard_typed
 from station.runner.progress import Progress, time_of_day
 
 LOOKS_EVERY_S = 0.2
@@ -224,7 +224,8 @@ def ask_what_was_left(folder: Path) -> None:
     """Ask for what no step waited for, in the run's last process."""
     left = read_state(folder).process.left_for_the_end
     operator = Operator(RealClock(), {}, interactive=sys.stdin.isatty(), act=None)
-    operator.ask_at_the_end([Prompt.from_data(details) for details in left])
+    operator.left += map(Prompt.from_data, left)
+    operator.ask_what_is_left()
 
 
 class LogTimes:

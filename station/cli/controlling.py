@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 
 from station.clock import RealClock, boot_seconds
 from station.console import span, tell
-from station.control.client import NoAnswer, ask
+from station.control.channel import NoAnswer, ask
 from station.control.requests import ABORT_VERB
 from station.control.status import message_of, read_state, read_status
 from station.errors import (

@@ -15,7 +15,7 @@ from station.cli.analysing import print_document
 from station.cli.remembering import out_of_control, remember
 from station.cli.validating import read_bench_named, read_plan_for, read_served
 from station.console import OutputLost, span, tell
-from station.control.client import go_on
+from station.control.channel import go_on
 from station.errors import (
     EXIT_ABORTED,
     EXIT_DONE,

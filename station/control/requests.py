@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from station.clock import Clock
 from station.console import tell
-from station.control.answers import PromptQueue, wait_for_person
 from station.control.channel import Channel, Incoming
+from station.control.questions import PromptQueue, wait_for_person
 from station.control.signals import ended_by
 from station.errors import Aborted, InstrumentError, PauseRefused
 from station.roles.base import MadeSafe

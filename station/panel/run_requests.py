@@ -8,7 +8,7 @@ from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any
 
-from station.control.client import ask
+from station.control.channel import ask
 from station.errors import StationError
 
 REQUESTS = ("pause", "go-on", "abort", "answer")

@@ -13,6 +13,7 @@ from typing import Any
 from station import registry
 from station.clock import Clock, system_clock_synchronised, utc_now
 from station.console import tell
+from station.control.questions import Operator
 from station.control.signals import wishes_held
 from station.errors import EXIT_ABORTED, EXIT_FAULT, EXIT_INTERLOCK, InputError, RecordError
 from station.files.plan import Plan
@@ -26,7 +27,6 @@ from station.record.folder import EXPORTS, RunFolder, RunRecord
 from station.record.integrity import hash_of_data
 from station.record.layout import BENCH, BENCH_AS_WRITTEN, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
-from station.runner.operator import Operator
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import preflight, watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -118,7 +118,7 @@ def execute(request: Request) -> Outcome:
     if request.replay is None:
         remember_drift(bench, bench.path, outcome.document, record.path)
     run.notices.ended(outcome.sentence)
-    outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
+    outcome.ask_at_the_end = operator.ask_what_is_left
     return outcome
 
 

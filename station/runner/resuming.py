@@ -10,6 +10,7 @@ from typing import Any
 
 from station import registry
 from station.clock import RealClock, utc_now
+from station.control.questions import Operator
 from station.errors import InputError
 from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
@@ -30,7 +31,6 @@ from station.runner.execute import (
     conclude,
     packages_of,
 )
-from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.preflight import SMALLEST_JUMP_S, watch_system_clock
 from station.runner.progress import Progress, how_long
@@ -154,7 +154,7 @@ def resume(request: ResumeRequest) -> Outcome:
     conclude(record, outcome, report=request.report)
     remember_drift(bench, bench_file, outcome.document, record.path)
     run.notices.ended(outcome.sentence)
-    outcome.ask_at_the_end = lambda: operator.ask_at_the_end(run.left)
+    outcome.ask_at_the_end = operator.ask_what_is_left
     return outcome
 
 
@@ -170,10 +170,10 @@ def refuse_while_guarded(folder: Path) -> None:
 
 def evaluate_only(folder: RunFolder, request: ResumeRequest) -> Outcome:
     """Evaluate a run that was measured to its end and then interrupted; raises InputError."""
-    left = [
-        Prompt(details["id"], details["text"]) for details in folder.state.process.left_for_the_end
-    ]
     operator = Operator(RealClock(), request.answers, interactive=request.interactive, act=None)
+    operator.left += (
+        Prompt(details["id"], details["text"]) for details in folder.state.process.left_for_the_end
+    )
     evaluated = (folder.path / RESULTS).is_file()
     if evaluated and RESULTS in covered_files(folder.path):
         raise InputError(f"{folder.path} is finished; `station analyse` computes its results again")
@@ -187,7 +187,7 @@ def evaluate_only(folder: RunFolder, request: ResumeRequest) -> Outcome:
         record.seal()
     else:
         conclude(record, outcome, report=request.report, ended=True)
-    outcome.ask_at_the_end = lambda: operator.ask_at_the_end(left)
+    outcome.ask_at_the_end = operator.ask_what_is_left
     return outcome
 
 

@@ -8,17 +8,16 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock
+from station.control.questions import Operator
 from station.errors import InputError
 from station.method.duration import NO_TIME, Duration
 from station.method.prompts import Prompt
 from station.method.run import NO_ROWS, EarlierProgress, Item, Rates, Result, Role, Run
-from station.record.events import LEFT_FOR_THE_END
 from station.record.folder import RunFolder, RunRecord
 from station.roles.base import ANSWER_TIME
 from station.roles.role import turns
 from station.runner.live import LiveBoard
 from station.runner.notices import Notices
-from station.runner.operator import Operator
 from station.runner.progress import Progress
 from station.safety.interlocks.contact_test import ContactTest
 from station.safety.readings import Readings
@@ -72,8 +71,6 @@ class ActingRun(Run):
         self.record = record
         self.progress = progress
         self._instruments: Mapping[str, object] = {}
-        self.left: list[Prompt] = []
-        """What a person is asked once the results are written."""
         self.envelope: Envelope | None = None
         """What the dry run held against the limits of the bench, None before it is known."""
         self._prepared: dict[Command[Any], Any] = {}
@@ -90,6 +87,7 @@ class ActingRun(Run):
         """What second instruments see of the sources that are driven."""
         command = bench.file.notify.command if bench.file.notify else ()
         self.notices = Notices(command, record.path, bench.name, plan.dut.serial)
+        operator.record_in(record, self.notices.prompt)
         self._said: set[tuple[str, str]] = set()
         self._hung_up = False
         self._last_place: tuple[str, ...] | None = None
@@ -331,14 +329,8 @@ class ActingRun(Run):
 
     def ask_again(self, prompt: Prompt, of: str = "step") -> str:
         """Ask the operator, whatever was answered before; `of` a step or a driver."""
-        if self._operator.would_ask(prompt):
-            self.record.event("prompt-shown", durable=False, **prompt.to_data(), of=of)
-            self.notices.prompt(prompt.text)
         with self._not_working(), self.progress.paused():
-            answer = self._operator.ask(prompt)
-        self.record.event(
-            "prompt", id=prompt.id, text=prompt.text, answer=answer.text, by=answer.by, of=of
-        )
+            answer = self._operator.ask(prompt, of)
         if of == "step" and prompt.physical:
             self.witnesses.moved(f"somebody was at the bench since ({prompt.id})")
         for name in self.witnesses.sightings:
@@ -367,11 +359,7 @@ class ActingRun(Run):
 
         What an answers file or the simulated world answers is answered now. Empty where it is not.
         """
-        if not self._operator.would_wait(prompt):
-            return self.ask_again(prompt, of)
-        self.left.append(prompt)
-        self.record.event(LEFT_FOR_THE_END, id=prompt.id, text=prompt.text, of=of)
-        return ""
+        return "" if self._operator.ask_later(prompt, of) else self.ask_again(prompt, of)
 
     def ask_for_driver(self, prompt_id: str, text: str, at_the_end: bool) -> str:
         """Ask for an act that a driver needs of a person."""

@@ -27,6 +27,7 @@ from quick_yaml import dump_yaml, load_yaml
 from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.clock import VirtualClock
+from station.control.questions import Operator
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
 from station.instruments.opening import Place
@@ -34,7 +35,6 @@ from station.method.duration import NO_TIME
 from station.method.verbs import Recording
 from station.procedure import Procedures
 from station.record.folder import RunRecord
-from station.runner.operator import Operator
 from station.runner.progress import Progress
 from station.runner.run import ActingRun
 

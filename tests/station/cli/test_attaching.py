@@ -21,8 +21,8 @@ from terminal import OnTerminal, hears_hang_up
 
 from station.cli.attaching import LogTimes
 from station.clock import RealClock, local_time
-from station.control.answers import PromptQueue
 from station.control.channel import Incoming
+from station.control.questions import PromptQueue
 from station.control.status import read_status
 from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_WRONG_INPUT, Aborted
 from station.files.locks import FileLock

@@ -27,8 +27,8 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.cli import controlling
 from station.clock import Clock, RealClock, VirtualClock
-from station.control.channel import MAX_ADDRESS, Channel, places
-from station.control.client import NotRunning, ask, go_on
+from station.control.channel import MAX_ADDRESS, Channel, NotRunning, ask, go_on, places
+from station.control.questions import Operator
 from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
 from station.control.status import read_status
@@ -37,7 +37,6 @@ from station.instruments.opening import Place
 from station.panel.run_requests import RunRequests
 from station.procedure import Prompt
 from station.record.folder import RunRecord
-from station.runner.operator import Operator
 from station.runner.progress import Progress
 from station.runner.run import ActingRun
 
@@ -489,7 +488,9 @@ def test_an_interlock_or_a_lost_folder_ends_a_prompt_and_says_so(
     nobody_types, keys = os.pipe()
     with os.fdopen(nobody_types, encoding="utf-8") as file, os.fdopen(keys, "wb"):
         monkeypatch.setattr(sys, "stdin", keyboard := Keyboard(file))
-        monkeypatch.setattr(real.run, "_operator", Operator(clock, {}, interactive=True, act=None))
+        operator = Operator(clock, {}, interactive=True, act=None)
+        operator.record_in(real.run.record, lambda text: None)
+        monkeypatch.setattr(real.run, "_operator", operator)
         trip = InterlockTripped("door", "the chain is open", 1.0)
         (typed_at_last := Timer(5.0, os.write, (keys, b"\n\n"))).start()
         for error in (trip, RecordError("the run folder was moved")):

@@ -16,7 +16,7 @@ from campaign_helpers import whole_events as events_of
 from command_line import begun
 from guardian_helpers import until, world
 
-from station.control.client import ask
+from station.control.channel import ask
 
 SPEED = 25.0
 SHORT = {"frequency": "0.2 Hz", "duration": "50 s"}

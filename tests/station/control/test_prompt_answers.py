@@ -8,11 +8,10 @@ import sys
 import pytest
 
 from station.clock import RealClock
-from station.control.answers import PromptQueue
 from station.control.channel import Incoming
+from station.control.questions import Operator, PromptQueue
 from station.errors import Aborted, InputError
 from station.method.prompts import AskedValue, Asking, Prompt
-from station.runner.operator import Operator
 
 HEAT = Prompt("heat", "Heat the cell.", value=AskedValue("cell temperature", "degC", 20.0, 250.0))
 MOUNT = Prompt(

@@ -15,9 +15,9 @@ from terminal import CODE, OnTerminal
 from tiers import quick
 
 from station.clock import RealClock
+from station.control.questions import READS_WITHIN_S
 from station.control.run_reader import RunReader
 from station.record.folder import RunRecord
-from station.runner.operator import READS_WITHIN_S
 from station.safety.acknowledgement import user_name
 
 OWN, SAME = "a process of its own", "the command's process"

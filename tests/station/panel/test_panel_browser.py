@@ -19,7 +19,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from served_bench import served_bench
 
-from station.control.client import ask
+from station.control.channel import ask
 from station.control.status import read_status
 from station.errors import StationError
 from station.record.run_names import runs_below

@@ -8,7 +8,7 @@ import pytest
 from guardian_helpers import until
 
 from station.clock import RealClock
-from station.control.client import ask
+from station.control.channel import ask
 from station.control.requests import Control
 from station.errors import StationError
 from station.panel import run_requests

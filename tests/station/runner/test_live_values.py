@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from station.clock import VirtualClock, boot_seconds
-from station.control import live
-from station.control.live import LiveValues
+from station.control import run_reader
+from station.control.run_reader import LiveValues
 from station.errors import StationError
 from station.runner.live import LiveBoard
 from station.safety.interlocks.monitor import InterlockLook
@@ -86,7 +86,7 @@ def test_what_a_run_no_longer_answers_grows_old(
         raise StationError("gone")
 
     for name, value in {"ask": ask, "EVERY_S": 0.01, "AGAIN_S": 0.01, "OLD_AFTER_S": 0.2}.items():
-        monkeypatch.setattr(live, name, value)
+        monkeypatch.setattr(run_reader, name, value)
     values = LiveValues(tmp_path)
     until_s = boot_seconds() + 20.0
     while (seen := values.newest()) is None and boot_seconds() < until_s:

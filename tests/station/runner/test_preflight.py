@@ -15,10 +15,10 @@ from small_disk import small_disk
 from tiers import quick
 
 from station.clock import RealClock, VirtualClock, system_clock_synchronised
+from station.control.questions import Operator
 from station.files.lookup import BENCHES, find
 from station.procedure import Prompt
 from station.record.folder import RunFolder, RunRecord
-from station.runner.operator import Operator
 from station.runner.preflight import (
     SystemClockWatch,
     fault_of_output,

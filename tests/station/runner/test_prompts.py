@@ -19,6 +19,8 @@ from rlg_runs import short_run
 from drivers.generic.operator_power import OperatorPower
 from station.cli.running import report_outcome, run_plan
 from station.clock import RealClock
+from station.control import questions as asking
+from station.control.questions import READS_WITHIN_S, Operator
 from station.errors import (
     EXIT_ABORTED,
     EXIT_INTERLOCK,
@@ -30,8 +32,6 @@ from station.instruments.opening import Place
 from station.procedure import Prompt
 from station.record.folder import RunFolder
 from station.runner import execute as executing
-from station.runner import operator as asking
-from station.runner.operator import READS_WITHIN_S, Operator
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 
@@ -220,7 +220,9 @@ def test_no_answer_to_the_last_prompt_changes_exit_code_or_results(
 def last(run: Outcome) -> None:
     """Put what the run left, as at a terminal."""
     left = RunFolder(run.folder).events_of("prompt-left")
-    operator().ask_at_the_end([Prompt(e.details["id"], e.details["text"]) for e in left])
+    asked = operator()
+    asked.left += (Prompt(e.details["id"], e.details["text"]) for e in left)
+    asked.ask_what_is_left()
 
 
 def test_a_run_that_died_before_its_results_is_evaluated_and_names_what_was_left(
@@ -247,7 +249,7 @@ def test_what_the_answers_file_or_the_world_answers_is_not_left_for_the_end() ->
         ({}, None, True),
     ):
         asked = Operator(RealClock(), given, interactive=False, act=act)
-        assert asked.would_wait(off) == waits, given
+        assert asked.ask_later(off, of="step") == waits, given
 
 
 def test_the_hand_at_the_switch_is_asked_at_the_end_for_the_device_off_alone() -> None:

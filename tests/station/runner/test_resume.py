@@ -27,7 +27,7 @@ from station import registry
 from station.cli.analysing import analyse_run
 from station.cli.running import resume_run
 from station.clock import RealClock
-from station.control.client import ask
+from station.control.channel import ask
 from station.errors import InputError, NotAcknowledged, StationError
 from station.files.plan import read_plan
 from station.instruments.bench import Bench, read_bench

@@ -34,6 +34,7 @@ from sim_instruments.faults.catalogue import applicable_faults
 from sim_instruments.faults.wire import CAN, MEASURED, WIRE_FAULTS
 from station.cli.running import report_outcome
 from station.clock import VirtualClock
+from station.control.questions import Operator
 from station.errors import StationError
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
@@ -44,7 +45,6 @@ from station.record.events import RUN_STARTED, of_the_run
 from station.record.folder import RunFolder, RunRecord
 from station.runner.evaluation import evaluate_run
 from station.runner.execute import Request, conclude, execute, head_of, inputs_of, what_is_planned
-from station.runner.operator import Operator
 from station.runner.outcome import Outcome
 from station.runner.progress import Progress
 from station.runner.run import ActingRun
