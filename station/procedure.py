@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from station.fields import StrictModel
     from station.findings import Findings
     from station.instruments.bench import Bench
+    from station.parts import Part
     from station.record.folder import RunFolder
-    from station.report.parts import Part
     from station.results import ResultDocument
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.findings import Findings, combination_text
+from station.parts import Part, Plot, Table, first_rows
 from station.report.numbers import (
     NOTHING,
     format_limit,
@@ -12,7 +13,6 @@ from station.report.numbers import (
     format_result,
     format_with_uncertainty,
 )
-from station.report.parts import Part, Plot, Table, first_rows
 from station.results import ResultDocument
 
 from . import plots

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from station.findings import NOT_TRIED, Findings
+from station.parts import Part as ReportPart
+from station.parts import Table
 from station.report.numbers import format_limit, format_result
-from station.report.parts import Part as ReportPart
-from station.report.parts import Table
 from station.results import Result, ResultDocument
 
 from . import PARTS

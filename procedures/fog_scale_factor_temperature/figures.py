@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from station.findings import Findings
+from station.parts import Part, Plot, Table, first_rows
 from station.report.drawing import (
     BLUE,
     GREEN,
@@ -22,7 +23,6 @@ from station.report.drawing import (
     new_figure,
 )
 from station.report.numbers import NOTHING, format_limit, format_number, format_with_uncertainty
-from station.report.parts import Part, Plot, Table, first_rows
 from station.results import ResultDocument
 
 from .analysis import FogAnalysis

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from station.findings import Findings
+from station.parts import Part, Plot, Table
 from station.report.drawing import BLUE, GREY, VERMILION, new_figure
 from station.report.numbers import format_number
-from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 from .analysis import RateTableAnalysis

@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from procedures.estimation.rate_spectrum import allan_terms
 from station.findings import Findings
+from station.parts import Part, Plot, Table
 from station.report.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure
 from station.report.numbers import format_number
-from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 from .analysis import StaticAnalysis

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from station.findings import Findings
+from station.parts import Part, Plot, Table
 from station.report.drawing import (
     BLUE,
     GREEN,
@@ -19,7 +20,6 @@ from station.report.drawing import (
     new_figure,
 )
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
-from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 from .calibration import Correction, correction_of

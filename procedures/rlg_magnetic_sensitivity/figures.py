@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from station.findings import Findings
+from station.parts import Part, Plot, Table
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
-from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 from . import plots, spectrum_plot

@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from station.findings import Findings
+from station.parts import Part, Plot, Table
 from station.report.drawing import (
     BLUE,
     GREEN,
@@ -30,7 +31,6 @@ from station.report.numbers import (
     format_result,
     format_with_uncertainty,
 )
-from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument
 
 from .dataset import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, SerfAnalysis, SerfDataset

@@ -11,11 +11,10 @@ from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord, InputError, reason_of
 from station.files.lookup import is_there
 from station.record.files import write_whole_file
-from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder
+from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
 from station.record.integrity import MAX_FLAGS, first, sentence_of
 from station.record.later import add_revision, draft_revision
 from station.record.layout import EVENTS
-from station.record.recorded import read_run
 from station.report.numbers import format_like, format_result
 from station.results import ResultDocument
 from station.runner.evaluation import (

@@ -9,8 +9,7 @@ from station.cli.analysing import name_unused
 from station.console import tell
 from station.errors import InputError
 from station.record.files import A_COPY, replaced
-from station.record.folder import EXPORTS, REPORT, RunFolder
-from station.record.recorded import read_run
+from station.record.folder import EXPORTS, REPORT, RunFolder, read_run
 from station.runner.evaluation import evaluate_run
 from station.texts import ENGLISH, Texts, choices
 

@@ -32,7 +32,7 @@ from station.procedure import procedure_of
 from station.record.events import not_known, whole_bench
 from station.record.folder import REPORT, RunFolder
 from station.record.layout import EVENTS, LOCK
-from station.record.recorded import read_plan_and_bench
+from station.recorded import read_plan_and_bench
 from station.results import SCHEMA
 from station.roles.role import role, role_of
 from station.runner.dry_run import DryRun, Extreme, walk

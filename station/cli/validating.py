@@ -23,7 +23,7 @@ from station.procedure import Procedures, procedure_of
 from station.roles.role import collected
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
 from station.runner.resources import in_bytes, memory_of
-from station.safety.static_limits import problems_of_plan
+from station.runner.static_limits import problems_of_plan
 
 SERVED_WRONG = (
     OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,

@@ -16,6 +16,7 @@ from station.decision import Limit
 from station.history.charts import FEWEST, Chart
 from station.history.series import Series
 from station.history.store import Entry
+from station.parts import Part, Plot, Table, first_rows
 from station.report.drawing import (
     BLACK,
     BLUE,
@@ -28,7 +29,6 @@ from station.report.drawing import (
 )
 from station.report.html import render_parts
 from station.report.numbers import format_limit, format_with_uncertainty
-from station.report.parts import Part, Plot, Table, first_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

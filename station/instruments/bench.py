@@ -222,6 +222,17 @@ class Bench(FromDocument):
             given = "1" if relative else unit or own_unit
             yield InputQuantity(name, about, u, given, statement[1])
 
+    @property
+    def attached(self) -> dict[str, tuple[str, str]] | None:
+        """The instruments of a real bench, address to model and serial; None of a simulated one."""
+        if self.simulation is not None:
+            return None
+        return {
+            entry.address: ("", entry.serial or "")
+            for entry in self.instruments.values()
+            if entry.address
+        }
+
     def safe_order(self) -> list[tuple[str, float]]:
         """Return the steps of the safe state: an instance or a role, and the seconds it has."""
         return [

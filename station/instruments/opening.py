@@ -17,7 +17,7 @@ from station.safety.readings import Publisher, Readings, Value
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
-    from station.runner.trace import Trace
+    from station.instruments.trace import Trace
 
 
 Asker = Callable[[str, str, bool], str]

@@ -25,7 +25,7 @@ from station.safety.safe_state import Hurried, SafeOutcome, can_harm
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
-    from station.runner.trace import Trace
+    from station.instruments.trace import Trace
 
 WITHIN_S = 10.0
 """Real time for all of them together; a dead address costs its connect deadline, 2 s."""

@@ -12,7 +12,7 @@ from typing import Any
 from station.errors import StationError, reason_of
 from station.reanalysis.recall import Recall
 from station.record.folder import RESULTS, RunFolder
-from station.record.recorded import read_plan_and_bench, used_instruments
+from station.recorded import read_plan_and_bench, used_instruments
 from station.results import ResultDocument
 from station.runner.evaluation import evaluate_run, text_of
 

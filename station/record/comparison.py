@@ -11,9 +11,8 @@ from typing import Any
 
 from station.errors import InputError
 from station.files.yaml.reading import read_yaml
-from station.record.folder import RESULTS, RunFolder
+from station.record.folder import RESULTS, RunFolder, read_run
 from station.record.layout import BENCH, PLAN
-from station.record.recorded import read_run
 
 
 @dataclass(frozen=True)

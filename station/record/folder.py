@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from station.clock import Clock, utc_now
 from station.console import tell
-from station.errors import DamagedRecord, MissingRows, RecordError
+from station.errors import DamagedRecord, InputError, MissingRows, RecordError
 from station.files.locks import is_held
+from station.files.lookup import is_there
 from station.record.events import Event, EventLog, guardian_events, read_events
 from station.record.files import json_text, write_whole_file
 from station.record.later import seal
@@ -319,3 +320,10 @@ class RunFolder:
         if finished is not None:
             return [*own, int(finished.get("segment", 0))]
         return [*own, *reversed(range(next_segment(self.path / RAW)))]
+
+
+def read_run(path: Path) -> RunFolder:
+    """Return the run folder that a person named; raises InputError where it is none."""
+    if not is_there(path / EVENTS):
+        raise InputError(f"{path} is no run folder: it holds no {EVENTS}")
+    return RunFolder(path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from station.runner.trace import readable
+from station.instruments.trace import readable
 
 MAX_SHOWN = 20
 LONGEST = 60

@@ -10,15 +10,15 @@ from tempfile import TemporaryDirectory
 from station import registry
 from station.errors import EXIT_ABORTED, Aborted, InputError
 from station.instruments.bench import bench_of
+from station.instruments.trace import FOLDER
 from station.record.events import Event
-from station.record.folder import RunFolder
+from station.record.folder import RunFolder, read_run
 from station.record.layout import MANIFEST, file_hash
-from station.record.recorded import read_plan_and_bench, read_run
+from station.recorded import read_plan_and_bench
 from station.replay.deviations import Deviations
 from station.replay.transcript import Transcript, read_transcripts
 from station.replay.wire import ReplayClock
 from station.runner.execute import Request, execute
-from station.runner.trace import FOLDER
 
 END_S = 2.0
 """What an abort cuts off lies this close to it: nobody ends the same run at the same instant."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from station.errors import InputError
-from station.runner.trace import ADDRESS, FOLDER
+from station.instruments.trace import ADDRESS, FOLDER
 
 LINE = re.compile(r" *(-?\d+\.\d{6}) ([-><!]) (.*)")
 ESCAPE = re.compile(r"\\(x[0-9a-f]{2}|.)", re.DOTALL)

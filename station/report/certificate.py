@@ -14,8 +14,8 @@ from station.instruments.bench import Bench
 from station.procedure import Procedure, procedure_of
 from station.record.folder import RunFolder
 from station.record.layout import EVENTS, MANIFEST, RAW, covered_files, file_hash
-from station.record.recorded import read_plan_and_bench
 from station.record.series import RunSeries
+from station.recorded import read_plan_and_bench
 from station.report.certificate_fields import Certificate, messages
 from station.report.html import BADGES, RULES, verdict_words
 from station.report.numbers import (

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from station.findings import Findings
+    from station.parts import Part
     from station.procedure import Procedure
-    from station.report.parts import Part
     from station.results import ResultDocument
 
 # Okabe and Ito, Color Universal Design (2008).

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from station.decision import Decision
 from station.findings import Published
+from station.parts import Part, Plot, Table
 from station.report.context import ReportContext
 from station.report.numbers import (
     NOTHING,
@@ -26,7 +27,6 @@ from station.report.numbers import (
     is_numeric_column,
     typeset,
 )
-from station.report.parts import Part, Plot, Table
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 from station.texts import IN_ENGLISH, Texts
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from station.parts import Part, Plot
 from station.report.context import ReportContext
 from station.report.html import badge_of, budgets_of, published_rows, result_rows
 from station.report.numbers import format_duration
-from station.report.parts import Part, Plot
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
 

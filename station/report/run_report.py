@@ -12,7 +12,7 @@ from station.procedure import Procedure, procedure_of
 from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
 from station.record.layout import versions
-from station.record.recorded import left_unverified, read_plan_and_bench
+from station.recorded import left_unverified, read_plan_and_bench
 from station.report.context import (
     InstrumentRow,
     PromptRow,

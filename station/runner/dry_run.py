@@ -31,7 +31,7 @@ from station.runner.preflight import (
 )
 from station.runner.resources import Disk, Memory, disk_of, memory_of
 from station.runner.session import clock_for
-from station.safety.static_limits import RESISTANCE, coil_resistance_ohm
+from station.runner.static_limits import RESISTANCE, coil_resistance_ohm
 
 if TYPE_CHECKING:
     from station.files.plan import Plan

@@ -32,7 +32,7 @@ from station.record.files import write_whole_file
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.later import add_own_revision, draft_revision
 from station.record.layout import MANIFEST, write_manifest
-from station.record.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
+from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.results import ResultDocument, conclude
 from station.runner.calibration_flags import NOT_STATED, record_flags
 

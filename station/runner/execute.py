@@ -20,6 +20,7 @@ from station.files.plan import Plan
 from station.files.plan.resolved import resolved_text
 from station.files.yaml.document import yaml_text
 from station.instruments.bench import Bench
+from station.instruments.trace import Trace
 from station.procedure import Procedure, Prompt, procedure_of
 from station.record.events import RUN_STARTED
 from station.record.files import json_text, write_whole_file
@@ -33,8 +34,7 @@ from station.runner.progress import Progress, how_long
 from station.runner.run import ActingRun
 from station.runner.session import BenchSession, Replay
 from station.runner.step_runner import StepRunner
-from station.runner.trace import Trace
-from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
+from station.safety.acknowledgement import refuse_until_acknowledged
 from station.safety.drift import remember_drift
 
 SERVED_SINCE = "served_since_unix"
@@ -76,7 +76,7 @@ def execute(request: Request) -> Outcome:
     plan, bench = request.plan, request.bench
     procedure = procedure_of(plan.procedure)
     if request.replay is None:
-        refuse_until_acknowledged(bench.path, [] if request.served else addresses_of(bench))
+        refuse_until_acknowledged(bench.path, [] if request.served else [*(bench.attached or ())])
     with BenchSession(bench, plan.procedure, request.served, replay=request.replay) as session:
         clock = session.clock
         operator = Operator(
@@ -116,7 +116,7 @@ def execute(request: Request) -> Outcome:
             StepRunner(run, procedure, session, bench.path, trace).go(outcome)
     conclude(record, outcome, report=request.report)
     if request.replay is None:
-        remember_drift(bench, bench.path, outcome.document, record.path)
+        remember_drift(bench.attached, bench.path, outcome.document, record.path)
     run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = operator.ask_what_is_left
     return outcome

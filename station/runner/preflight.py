@@ -12,7 +12,7 @@ from station.clock import RealClock, boot_seconds, system_clock_synchronised, ut
 from station.errors import RecordError
 from station.runner.calibration_flags import record_flags
 from station.runner.resources import disk_of, memory_of, nearest_there
-from station.safety.static_limits import problems_of_plan
+from station.runner.static_limits import problems_of_plan
 
 if TYPE_CHECKING:
     from station.clock import Clock

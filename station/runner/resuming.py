@@ -15,13 +15,14 @@ from station.errors import InputError
 from station.files.plan import Plan
 from station.guardian.notes import guardian_at_work
 from station.instruments.bench import Bench, bench_of
+from station.instruments.trace import Trace
 from station.method.run import EarlierProgress
 from station.procedure import Procedure, Prompt, procedure_of
 from station.record.events import RESUMED, of_the_run
 from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
-from station.record.recorded import read_plan_and_bench, used_instruments
+from station.recorded import read_plan_and_bench, used_instruments
 from station.runner.evaluation import evaluate_run, exit_code_of, runs_backwards, silence
 from station.runner.execute import (
     DRIVERS,
@@ -37,8 +38,7 @@ from station.runner.progress import Progress, how_long
 from station.runner.run import ActingRun
 from station.runner.session import RESUME, BenchSession
 from station.runner.step_runner import StepRunner
-from station.runner.trace import Trace
-from station.safety.acknowledgement import addresses_of, refuse_until_acknowledged
+from station.safety.acknowledgement import refuse_until_acknowledged
 from station.safety.drift import remember_drift
 
 AS_BEFORE = Prompt(
@@ -89,10 +89,10 @@ def resume(request: ResumeRequest) -> Outcome:
     refuse_another_bench(folder, recorded_bench, bench)
     facts = folder.run_facts()
     bench_file = bench.path if request.bench else Path(facts.get("bench_file", bench.path))
-    refuse_until_acknowledged(bench_file, [] if request.served else addresses_of(bench))
+    refuse_until_acknowledged(bench_file, [] if request.served else [*(bench.attached or ())])
     if folder.state.measured:
         outcome = evaluate_only(folder, request)
-        remember_drift(bench, bench_file, outcome.document, folder.path)
+        remember_drift(bench.attached, bench_file, outcome.document, folder.path)
         return outcome
     refuse_another_world(folder, facts, request.served)
     stopped_s = folder.events[-1].time_s
@@ -152,7 +152,7 @@ def resume(request: ResumeRequest) -> Outcome:
             trace = Trace(record.path, clock, record.segment) if request.trace else None
             StepRunner(run, procedure, session, bench_file, trace, first=AS_BEFORE).go(outcome)
     conclude(record, outcome, report=request.report)
-    remember_drift(bench, bench_file, outcome.document, record.path)
+    remember_drift(bench.attached, bench_file, outcome.document, record.path)
     run.notices.ended(outcome.sentence)
     outcome.ask_at_the_end = operator.ask_what_is_left
     return outcome

@@ -19,6 +19,7 @@ from station.guardian.supervisor import Guardian
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
 from station.instruments.opening import Identified, open_instruments, put_settings_back
+from station.instruments.trace import Trace
 from station.instruments.whole_bench import BenchReading, UnusedInstruments, read_used
 from station.method.set_points import Envelope
 from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED, WITNESS_READ
@@ -26,7 +27,6 @@ from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
 from station.runner.run import ActingRun
 from station.runner.session import BenchSession
-from station.runner.trace import Trace
 from station.runner.watchers import FolderWatch, StallWatch, StayingAwake
 from station.safety.acknowledgement import WITNESS, refuse_identified, remember
 from station.safety.interlocks.monitor import Monitor

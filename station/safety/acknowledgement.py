@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from station.clock import utc_now
 from station.errors import NotAcknowledged
@@ -25,9 +25,6 @@ from station.files.faults import FaultList
 from station.files.yaml.reading import read_yaml
 from station.safety import trip_notes
 from station.safety.trip_notes import Note, address_key, identity_key, system_places
-
-if TYPE_CHECKING:
-    from station.instruments.bench import Bench
 
 APPLICATION = "inertial-station"
 HISTORY = "acknowledged.jsonl"
@@ -76,13 +73,6 @@ def place_of(bench: Path) -> Path:
     whole = str(bench.resolve())
     digest = hashlib.sha256(whole.encode()).hexdigest()[:12]
     return state_folder() / TRIPPED / f"{bench.stem}-{digest}.json"
-
-
-def addresses_of(bench: Bench) -> list[str]:
-    """Return the addresses of a bench's instruments; none of a simulated bench."""
-    if bench.simulation is not None:
-        return []
-    return [entry.address for entry in bench.instruments.values() if entry.address]
 
 
 def addresses_in(bench: Path) -> list[str]:

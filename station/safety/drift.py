@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,6 @@ from station.console import tell
 from station.safety.acknowledgement import remember
 
 if TYPE_CHECKING:
-    from station.instruments.bench import Bench
     from station.results import ResultDocument
 
 DRIFT = "drift"
@@ -17,9 +17,15 @@ DRIFT = "drift"
 
 
 def remember_drift(
-    bench: Bench, bench_file: Path, document: ResultDocument | None, run: Path
+    attached: Mapping[str, tuple[str, str]] | None,
+    bench_file: Path,
+    document: ResultDocument | None,
+    run: Path,
 ) -> None:
-    """Keep a bench from being used, as a tripped interlock does, where a figure has drifted."""
+    """Keep a bench from being used, as a tripped interlock does, where a figure has drifted.
+
+    `attached` are its instruments, address to model and serial; None of a simulated bench.
+    """
     drifted = [
         result.estimate.axis or ""
         for result in (document.results if document else ())
@@ -29,17 +35,6 @@ def remember_drift(
         return
     message = f"{', '.join(drifted)} drifted since the bench was commissioned"
     try:
-        remember(bench_file, DRIFT, message, run, instruments_of(bench))
+        remember(bench_file, DRIFT, message, run, attached)
     except OSError as error:
         tell(f"the drift cannot be noted ({error}); do not use the bench until its cause is known")
-
-
-def instruments_of(bench: Bench) -> dict[str, tuple[str, str]] | None:
-    """Return the instruments of a real bench, address to model and serial; None of another."""
-    if bench.simulation is not None:
-        return None
-    return {
-        entry.address: ("", entry.serial or "")
-        for entry in bench.instruments.values()
-        if entry.address
-    }

@@ -122,24 +122,24 @@ def package_of(module: str) -> str:
     return ".".join(parts[: 2 if parts[0] in ("station", "procedures") else 1])
 
 
-def graph(*, typing_too: bool) -> dict[str, set[str]]:
-    """Return which modules of ours each module imports, at its top or later."""
+def graph() -> dict[str, set[str]]:
+    """Return which modules of ours each module imports: at its top, later, or for types alone."""
     found: dict[str, set[str]] = {}
     for path in SOURCES:
-        names = set(imports(path, typing_too=typing_too, deep=True)) & MODULES
+        names = set(imports(path, deep=True)) & MODULES
         found[module_of(path)] = names - {module_of(path)}
     return found
 
 
 def test_no_module_imports_itself_over_others() -> None:
     """Imports within functions, and those for types alone, count."""
-    list(TopologicalSorter(graph(typing_too=True)).static_order())  # raises CycleError
+    list(TopologicalSorter(graph()).static_order())  # raises CycleError
 
 
 def test_no_package_imports_itself_over_others() -> None:
-    """Imports within functions count; types may name what uses them."""
+    """Imports within functions, and those for types alone, count."""
     packages: dict[str, set[str]] = {}
-    for module, names in graph(typing_too=False).items():
+    for module, names in graph().items():
         own = package_of(module)
         packages.setdefault(own, set()).update({package_of(one) for one in names} - {own})
     list(TopologicalSorter(packages).static_order())

@@ -20,10 +20,10 @@ from station.files.lookup import BENCHES, find
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
 from station.instruments.opening import Place
+from station.instruments.trace import ADDRESS, Trace, readable
 from station.procedure import Procedures
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
-from station.runner.trace import ADDRESS, Trace, readable
 
 LINE = re.compile(r" *(?P<time_s>\d+\.\d{6}) (?P<direction>[-><!]) (?P<text>.*)")
 SPOKEN = ("coil_supply.x", "gaussmeter", "gyro_acquisition", "interlock_chain")

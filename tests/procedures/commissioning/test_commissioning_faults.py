@@ -12,8 +12,8 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 
 from procedures.commissioning.coils import limits
 from procedures.commissioning.figures import draw_parts
+from station.parts import Table
 from station.record.folder import RunFolder
-from station.report.parts import Table
 from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
 

@@ -17,7 +17,7 @@ from station.files.plan import read_plan
 from station.files.yaml.reading import read_yaml, read_yaml_text
 from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedures
-from station.safety.static_limits import problems_of_plan
+from station.runner.static_limits import problems_of_plan
 
 PLAN = CONFIG / "plans" / "fog-scale-factor-temperature.yaml"
 BASE = {

@@ -15,7 +15,7 @@ from station.files.plan import Plan, plan_of
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures
-from station.safety.static_limits import problems_of_plan
+from station.runner.static_limits import problems_of_plan
 
 NAME = "serf-nonorthogonality"
 SHIPPED = yaml.safe_load(find(PLANS, NAME).read_text(encoding="utf-8"))

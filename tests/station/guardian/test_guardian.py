@@ -32,8 +32,8 @@ from station.record.events import REVISED, Event, guardian_events
 from station.record.folder import RunFolder
 from station.record.later import record_later
 from station.record.layout import GUARDIAN_LOG, MANIFEST, write_manifest
-from station.record.recorded import left_unverified, read_plan_and_bench
 from station.record.run_state import RunState
+from station.recorded import left_unverified, read_plan_and_bench
 from station.safety.acknowledgement import unacknowledged
 
 if sys.platform != "linux":

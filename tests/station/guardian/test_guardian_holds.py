@@ -30,7 +30,7 @@ from station.guardian.messages import Channel
 from station.guardian.notes import guardian_at_work
 from station.guardian.supervisor import Guardian
 from station.record.folder import RunFolder
-from station.record.recorded import left_unverified, read_plan_and_bench
+from station.recorded import left_unverified, read_plan_and_bench
 from station.runner.evaluation import flags_of_guardians
 
 if sys.platform != "linux":

@@ -24,7 +24,7 @@ from station.findings import Findings
 from station.instruments.bench import Bench, bench_of
 from station.procedure import procedure_of
 from station.record.folder import RunFolder
-from station.record.recorded import read_plan_and_bench
+from station.recorded import read_plan_and_bench
 from station.results import conclude
 from station.runner.calibration_flags import NOT_STATED, record_flags
 from station.runner.evaluation import quiet_numbers

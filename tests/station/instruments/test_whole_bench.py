@@ -24,9 +24,9 @@ from station.files.lookup import BENCHES, find
 from station.guardian.make_safe import summary
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
+from station.instruments.trace import Trace
 from station.instruments.whole_bench import BenchReading, LeftOut, UnusedInstruments, bystanders_of
 from station.runner.session import BenchSession
-from station.runner.trace import Trace
 from station.safety.safe_state import SafeOutcome
 
 USED, OTHER = "coil_supply.x", "coil_supply.z"

@@ -20,6 +20,7 @@ from station.errors import Aborted, InputError
 from station.files.lookup import BENCHES, PLANS, find
 from station.files.plan import Plan, read_plan
 from station.instruments.bench import read_bench
+from station.instruments.trace import readable
 from station.procedure import Procedures
 from station.record.layout import MANIFEST
 from station.replay.deviations import MAX_SHOWN, Deviations
@@ -28,7 +29,6 @@ from station.replay.replaying import replay
 from station.replay.transcript import read_transcript, unreadable
 from station.runner import execute as executing
 from station.runner.execute import Request, execute
-from station.runner.trace import readable
 
 RAMP = "> LIST:CURR 0.0000"
 

@@ -19,12 +19,12 @@ from station.cli.reporting import remake_report
 from station.errors import InputError
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
+from station.parts import Plot
 from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.report.certificate import certificate_of_run, sheet_of
 from station.report.certificate_fields import MANDATORY, Certificate
 from station.report.drawing import new_figure
-from station.report.parts import Plot
 from station.report.pdf import render_pdf
 from station.report.report_sheet import report_sheet
 from station.report.run_report import context_of_run

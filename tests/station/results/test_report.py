@@ -16,6 +16,7 @@ from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
+from station.parts import Part, Plot, Table
 from station.report.context import (
     InstrumentRow,
     PromptRow,
@@ -30,7 +31,6 @@ from station.report.numbers import (
     format_number,
     format_with_uncertainty,
 )
-from station.report.parts import Part, Plot, Table
 from station.results import ResultDocument, conclude
 
 NAME = "magnetic_sensitivity"

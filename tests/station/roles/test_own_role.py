@@ -20,7 +20,7 @@ from station.instruments.bench import Bench, bench_file, bench_of
 from station.method.dry_run import Forecast
 from station.method.set_points import Bounded, Envelope, SetPoint
 from station.roles.role import Limit, Quantity, Role, collected, kind_of, safe_states
-from station.safety.static_limits import beyond_limits
+from station.runner.static_limits import beyond_limits
 from station.schema import schema_text
 
 ROLE = '''\

@@ -32,7 +32,7 @@ from station.record.folder import RunFolder
 from station.roles import GyroAcquisition
 from station.runner.execute import Request, execute
 from station.runner.run import ActingRun
-from station.safety.static_limits import problems_of_plan
+from station.runner.static_limits import problems_of_plan
 
 DECLARING = [name for name in Procedures() if procedure_of(name).steps]
 ENERGISING = {

@@ -38,6 +38,7 @@ from station.control.questions import Operator
 from station.errors import StationError
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
+from station.instruments.trace import Trace
 from station.method.run import Run
 from station.method.verbs import POLL_S
 from station.procedure import Step, procedure_of
@@ -50,7 +51,6 @@ from station.runner.progress import Progress
 from station.runner.run import ActingRun
 from station.runner.session import BenchSession
 from station.runner.step_runner import StepRunner
-from station.runner.trace import Trace
 
 FIRST, MIDDLE, LASTING = "first message", "middle", "from the middle on"
 LONG = "100 h"

@@ -15,7 +15,7 @@ from station.instruments.bench import Bench
 from station.method.dry_run import Forecast
 from station.method.set_points import SetPoint
 from station.procedure import Problem, Procedures, procedure_of
-from station.safety.static_limits import beyond_limits, problems_of_plan
+from station.runner.static_limits import beyond_limits, problems_of_plan
 
 BENCH = """\
 bench: 1

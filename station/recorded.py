@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
-from station.errors import InputError
-from station.files.lookup import is_there
 from station.files.plan import Plan, read_plan
 from station.files.yaml.reading import read_yaml
 from station.instruments.bench import Bench, bench_of
 from station.procedure import Procedures
 from station.record.folder import RunFolder
-from station.record.layout import BENCH, EVENTS, PLAN
+from station.record.layout import BENCH, PLAN
 from station.roles.role import role_of
 
 NEVER_REACHED = "the run ended without making it safe"
-
-
-def read_run(path: Path) -> RunFolder:
-    """Return the run folder that a person named; raises InputError where it is none."""
-    if not is_there(path / EVENTS):
-        raise InputError(f"{path} is no run folder: it holds no {EVENTS}")
-    return RunFolder(path)
 
 
 def read_plan_and_bench(folder: RunFolder) -> tuple[Plan, Bench]:
