@@ -43,8 +43,7 @@ def watch(run: Channel, words: Words) -> int:
     """Get ready, watch, and do what is to be done."""
     from station.guardian.make_safe import MakeSafe
     from station.guardian.messages import Instructions
-    from station.guardian.processes import OtherProcess
-    from station.guardian.watching import Peer, Watching, first_message
+    from station.guardian.watching import OtherProcess, Peer, Watching, first_message
 
     first = first_message(run)
     if first is None:

@@ -1,6 +1,12 @@
 """Make the bench of a dead run safe: end its process, open, bring to rest, verify, say so.
 
 Whatever is needed for that is in memory before the run energises anything: its disk may be gone.
+Drivers and the libraries below them load parts of themselves when they are first used; a rehearsal
+against nobody has them in memory.
+
+An instrument that hangs keeps no other from its turn. One that cannot be understood is switched off
+all the same, by the command that its driver sends without waiting for an answer: it may hear, and
+answer late. Who clearly is another model gets nothing, nor does what the command would toggle.
 """
 
 from __future__ import annotations
@@ -8,28 +14,36 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from typing import Any
 
 from station import registry
-from station.clock import RealClock
-from station.errors import EXIT_DONE, EXIT_FAULT, StationError, reason_of
+from station.clock import Clock, RealClock
+from station.errors import (
+    EXIT_DONE,
+    EXIT_FAULT,
+    AnotherInstrument,
+    InstrumentError,
+    StationError,
+    reason_of,
+)
 from station.guardian.messages import DONE, WAITS, Instructions
 from station.guardian.notes import LEAVE, AtWork, Background, GuardianLock, Notes, Words
-from station.guardian.opening import OPENS_WITHIN_S, Reopening, rehearse
-from station.guardian.processes import OtherProcess, end_all, let_end
-from station.guardian.watching import Peer, SafingOrder
-from station.instruments.bench import read_bench
-from station.instruments.instrument_locks import InstrumentLocks
+from station.guardian.watching import OtherProcess, Peer, SafingOrder, end_all, let_end
+from station.instruments.bench import Bench, read_bench
+from station.instruments.beside import Beside
+from station.instruments.instrument_locks import Identity, InstrumentLocks
 from station.instruments.last_look import LastLook, look_last
-from station.instruments.opening import Probe, put_settings_back
+from station.instruments.opening import Opened, Probe, open_one, put_settings_back
 from station.instruments.whole_bench import BenchReading, LeftOut, UnusedInstruments
 from station.record.events import AT_REST_AGAIN, BENCH_READ, LEFT, SAFE_STATE, whole_bench
-from station.roles.base import MadeSafe
+from station.roles.base import MAX_DEADLINE_S, Driver, MadeSafe, SwitchedOffBlindly
 from station.safety.acknowledgement import WITNESS, remember
 from station.safety.safe_state import ATTEMPTS, Hurry, SafeOutcome, make_bench_safe
 from station.safety.witness import Sighting, WitnessReport, judge, not_asked
@@ -388,3 +402,131 @@ def summary(
         else ""
     )
     return f"NOT VERIFIED as safe; go to the bench and switch off by hand{acknowledge}:{read_back}"
+
+
+OPENS_WITHIN_S = 5.0
+"""Real time; a connection that nobody takes is given up after 2 s."""
+HANGS = "{}: it was not open after {:g} s: its line or the computer's own port for it hangs"
+SWITCHED_OFF = "{}; it was sent the command to switch off all the same, which was not read back"
+
+
+class Reopening:
+    """Open the instruments of a bench beside one another; one that still hangs is waited for."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        addresses: Mapping[str, str],
+        clock: Clock,
+        locks: InstrumentLocks | None = None,
+    ) -> None:
+        self._what = (bench, addresses, clock)
+        self._locks = locks
+        self._unproved: dict[str, str] = {}
+        """What is known of those that were sent the command to switch off."""
+        self._beside = Beside(self._open)
+
+    def open(self, names: Sequence[str], within_s: float = OPENS_WITHIN_S) -> dict[str, Probe]:
+        """Return whether each answers, after so much real time at most; those that do are open.
+
+        A late answer of one that was switched off all the same is waited for the next time.
+        """
+        probes = self._beside.do([[name] for name in names], within_s)
+        hangs = {name: Probe(name, False, HANGS.format(name, within_s)) for name in names}
+        return hangs | probes
+
+    def _open(self, name: str) -> Probe:
+        try:
+            identify = partial(self._identity, name, patient=name in self._unproved)
+            probe = open_one(name, *self._what, locks=self._locks, identify=identify)
+        except Exception as error:  # a fault of one driver keeps no other from its work
+            probe = Probe(name, False, f"{name}: a fault of its driver: {reason_of(error)}")
+        if name in self._unproved and not probe.ok and probe.identified is None:
+            probe = replace(probe, said=SWITCHED_OFF.format(probe.said))
+        return probe
+
+    def _identity(self, name: str, instrument: Opened, *, patient: bool) -> Identity:
+        """Return who answers; who cannot be understood is switched off, and may answer late.
+
+        Who was late the last time has all the time for its first answer: it is not cut off again.
+        """
+        try:
+            if not patient:
+                return _asked_twice(instrument)
+            be_patient_with(instrument)
+            return instrument.identify()
+        except AnotherInstrument:
+            raise
+        except InstrumentError as error:
+            if not isinstance(instrument, SwitchedOffBlindly):
+                raise
+            instrument.last_attempt()
+            self._unproved[name] = SWITCHED_OFF.format(error)
+        self._beside.known_so_far(name, Probe(name, False, self._unproved[name]))
+        be_patient_with(instrument)
+        return instrument.identify()
+
+
+def be_patient_with(instrument: Opened) -> None:
+    """Wait for each answer as long as any bench may allow."""
+    if isinstance(instrument, Driver):
+        instrument.place.exchanges.deadline_s = MAX_DEADLINE_S
+
+
+def _asked_twice(instrument: Opened) -> Identity:
+    """Return who answers; the first question may meet what was on the line."""
+    try:
+        return instrument.identify()
+    except AnotherInstrument:
+        raise
+    except InstrumentError:
+        return instrument.identify()
+
+
+REHEARSES_WITHIN_S = 2.0
+"""Less than a guardian may be silent: an instrument may come to be watched late."""
+RESOURCE = re.compile(r"tcpip\d*::.*", re.IGNORECASE)
+URL = re.compile(r"(?P<scheme>[a-z-]+)://[^/]+(?P<path>.*)", re.IGNORECASE)
+
+
+def rehearse(name: str, bench: Bench, address: str) -> None:
+    """Open an instrument where its network address would be, on this computer, and fail.
+
+    Nothing is sent to any instrument. Other kinds of line are left alone: what they need is
+    loaded with their driver.
+    """
+    nobody = Nobody()
+    with suppress(OSError, UnicodeError):  # what names of hosts are looked up with, too
+        socket.getaddrinfo("localhost", None)
+    if instead := at_port(address, nobody.port):
+        Reopening(bench, {name: instead}, RealClock()).open([name], REHEARSES_WITHIN_S)
+    nobody.leave()
+
+
+def at_port(address: str, port: int) -> str | None:
+    """Return an address of the same kind at a port of this computer, None for other kinds."""
+    if RESOURCE.fullmatch(address):
+        return f"TCPIP::127.0.0.1::{port}::SOCKET"
+    if match := URL.fullmatch(address):
+        return f"{match['scheme']}://127.0.0.1:{port}{match['path']}"
+    return None
+
+
+class Nobody:
+    """Whoever connects finds the line closed at once."""
+
+    def __init__(self) -> None:
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listening.getsockname()[1]
+        Thread(target=self._close_all, name="nobody", daemon=True).start()
+
+    def leave(self) -> None:
+        """Listen no more."""
+        with suppress(OSError):
+            self._listening.shutdown(socket.SHUT_RDWR)
+        self._listening.close()
+
+    def _close_all(self) -> None:
+        with suppress(OSError):
+            while True:
+                self._listening.accept()[0].close()

@@ -22,7 +22,8 @@ from typing import Any
 from station.clock import Clock, RealClock, utc_now
 from station.errors import InputError, RecordError
 from station.files.locks import FileLock, LockHeld, is_held
-from station.guardian.processes import OtherProcess
+from station.guardian.watching import OtherProcess
+from station.instruments.beside import started
 from station.instruments.instrument_locks import lock_place
 from station.record.events import EventLog
 from station.record.files import write_whole_file
@@ -117,16 +118,6 @@ LAST_WORDS_S = 30.0
 SEALED_WITHIN_S = 1800.0
 """How long a run that has let go of its bench may take to evaluate what it measured."""
 LOOKS_EVERY_S = 0.1
-
-
-def started(body: Callable[[], None], name: str) -> Thread | None:
-    """Start a thread that ends with its process; None where there is no room for one."""
-    try:
-        thread = Thread(target=body, name=name, daemon=True)
-        thread.start()
-    except (RuntimeError, MemoryError):
-        return None
-    return thread
 
 
 class Background:

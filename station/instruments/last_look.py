@@ -15,7 +15,8 @@ from typing import Any
 from station.clock import Clock, RealClock, utc_now
 from station.console import no_older
 from station.errors import reason_of
-from station.instruments.whole_bench import WITHIN_S, BenchReading, at_once
+from station.instruments.beside import Beside
+from station.instruments.whole_bench import WITHIN_S, BenchReading
 from station.roles.base import MadeSafe
 from station.safety.safe_state import Hurried, Hurry, SafeOutcome, make_bench_safe, unhurried
 from station.safety.witness import NOT_ASKED, WitnessReport, contradicted
@@ -152,7 +153,7 @@ def read_now(
 
     if not isinstance(clock, RealClock):
         return {name: read(name) for name in instruments}
-    readings = at_once([[name] for name in instruments], read, RealClock())
+    readings = Beside(read).do([[name] for name in instruments], WITHIN_S)
     silent = f"it did not answer within {WITHIN_S:g} s"
     return {
         name: readings.get(name)

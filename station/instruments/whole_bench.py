@@ -7,16 +7,16 @@ or read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
-from threading import Thread
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from station import registry
 from station.clock import Clock, RealClock
 from station.errors import Aborted, BenchEnergised, InstrumentError, InstrumentInUse, reason_of
+from station.instruments.beside import Beside
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import LOOK, Identified, open_one, take_lock
 from station.roles.base import MadeSafe
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 WITHIN_S = 10.0
 """Real time for all of them together; a dead address costs its connect deadline, 2 s."""
-MAX_AT_ONCE = 8
 SILENT = "does not answer"
 IN_USE = "in use by "
 
@@ -143,6 +142,9 @@ class UnusedInstruments:
     own: InstrumentLocks | None = None
     trace: Trace | None = None
 
+    def __post_init__(self) -> None:
+        self._beside: Beside[SafeOutcome | LeftOut | None] = Beside(self._read_one)
+
     def read(
         self,
         used: Collection[str],
@@ -157,7 +159,10 @@ class UnusedInstruments:
         """
         names = bystanders_of(self.bench, used) if only is None else only
         if isinstance(self.clock, RealClock):
-            readings = self._at_once(names, waiting or RealClock())
+            by_address: dict[str, list[str]] = {}
+            for name in names:
+                by_address.setdefault(self._address(name).strip().lower(), []).append(name)
+            readings = self._beside.do(list(by_address.values()), WITHIN_S, partial(wait, waiting))
         else:  # one participant at a time: this one
             readings = {name: self._read_one(name) for name in names}
         read, left_out = [], []
@@ -171,13 +176,6 @@ class UnusedInstruments:
                 sentence = f"{name}: it did not answer within {WITHIN_S:g} s"
                 left_out.append(LeftOut(name, SILENT, sentence))
         return BenchReading(outside=read, left_out=left_out)
-
-    def _at_once(self, names: Sequence[str], waiting: Clock) -> dict[str, Any]:
-        """Read in threads, those with one address one after the other."""
-        by_address: dict[str, list[str]] = {}
-        for name in names:
-            by_address.setdefault(self._address(name).strip().lower(), []).append(name)
-        return at_once(list(by_address.values()), self._read_one, waiting)
 
     def _address(self, name: str) -> str:
         return self.addresses.get(name, self.bench.instruments[name].address or "")
@@ -232,45 +230,11 @@ class UnusedInstruments:
         return SafeOutcome(name, rests, reading.read_back, took_s, used=False, read_s=read_s)
 
 
-def at_once(
-    groups: Sequence[Sequence[str]], read: Callable[[str], Any], waiting: Clock
-) -> dict[str, Any]:
-    """Read in threads, 10 s of real time at most; those of one group one after the other.
-
-    A thread that has not ended by then holds nothing but its own line, and ends by itself.
-    `waiting` is the clock whose interruptions end this early.
-    """
-    due: SimpleQueue[Sequence[str]] = SimpleQueue()
-    for group in groups:
-        due.put(group)
-    answers: SimpleQueue[tuple[str, Any]] = SimpleQueue()
-
-    def work() -> None:
-        with suppress(Empty):
-            while True:
-                for name in due.get_nowait():
-                    answers.put((name, read(name)))
-
-    readers = [
-        Thread(target=work, name=f"reads the bench {number + 1}", daemon=True)
-        for number in range(min(MAX_AT_ONCE, len(groups)))
-    ]
-    with suppress(RuntimeError):  # no memory for more: those that began do the work
-        for reader in readers:
-            reader.start()
-    readings: dict[str, Any] = {}
-    real, wanted = RealClock(), sum(map(len, groups))
-    if not any(reader.ident for reader in readers):  # no memory for one: here, then
-        work()
-    while len(readings) < wanted and real.now() < WITHIN_S:
-        try:
-            with suppress(Hurried):
-                waiting.sleep(0.0)
-            name, reading = answers.get(timeout=0.05)
-            readings[name] = reading
-        except Empty:
-            continue
-    return readings
+def wait(clock: Clock | None) -> None:
+    """Give a clock a sign of life and raise what interrupts it; a wish to hurry ends nothing."""
+    if clock is not None:
+        with suppress(Hurried):
+            clock.sleep(0.0)
 
 
 def why_left_out(error: InstrumentError) -> str:

@@ -20,7 +20,7 @@ from wires import Pause, Wire, line_to
 from station import registry
 from station.clock import RealClock
 from station.files.lookup import find
-from station.guardian.opening import Reopening
+from station.guardian.make_safe import Reopening
 from station.instruments.bench import read_bench
 from station.instruments.instrument_locks import InstrumentLocks
 from station.instruments.opening import Probe
