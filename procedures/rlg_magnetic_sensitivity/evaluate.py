@@ -23,9 +23,9 @@ from .analysis import analyse
 from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slope_by_misalignment
 from .dataset import AXES, METHOD, QUANTITY, UNDRIVEN, UNIT, RlgAnalysis, RlgDataset
 from .from_import import Conditions, dataset_of_import
-from .from_record import GAUSSMETER, GYRO, dataset_of_run, field_record, segment_of_unit
+from .from_record import dataset_of_run, field_record, segment_of_unit
 from .parameters import RlgParameters
-from .records import PlannedRecord, check_of, sensitivity_records
+from .records import GAUSSMETER, GYRO, PlannedRecord, check_of, sensitivity_records
 from .settings import AnalysisSettings
 from .steadiness import Tested, background, flags_of, repeated
 

@@ -17,14 +17,13 @@ from .averaged import GyroMeans, averaged, averaged_duration_s, averaged_field, 
 from .dataset import Array, Mask, RlgDataset, Segment
 from .frequencies import Drive, group_size
 from .parameters import RlgParameters
+from .records import GAUSSMETER, GYRO
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 
-GYRO = "gyro_acquisition"
-GAUSSMETER = "gaussmeter"
 LATENCY = "latency_s"
 MT_PER_T = 1e3
 TO_MIDDLE = {

@@ -15,6 +15,8 @@ from procedures.rlg_magnetic_sensitivity import frequencies
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
 
+GYRO, GAUSSMETER = "gyro_acquisition", "gaussmeter"
+"""The instruments whose rows make a record."""
 Purpose = Literal["sensitivity", "linearity", "frequency", "background"]
 LOOK_S = 20.0
 """Least time between two looks at whether a record is long enough."""

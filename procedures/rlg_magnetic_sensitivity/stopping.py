@@ -10,32 +10,22 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters
-from procedures.rlg_magnetic_sensitivity.records import (
-    PlannedRecord,
-    all_records,
-    reading_back_s,
-    sensitivity_records,
-)
-from procedures.rlg_magnetic_sensitivity.work import (
-    GYRO,
-    POWER,
-    WARM_UP,
-    WARM_UP_LOOKS_EVERY_S,
-    gyro_sampling,
-)
 from station.console import span
 from station.errors import ConditionNotReached
-from station.method.commands import Power
-from station.method.verbs import acquire
-from station.roles import GyroAcquisition
+from station.method.duration import NO_TIME, Duration
+from station.method.verbs import POLL_S, Recording
+
+from .parameters import RlgParameters, Stop, WarmUp
+from .records import PlannedRecord, reading_back_s, sensitivity_records
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from procedures.rlg_magnetic_sensitivity.parameters import Stop
     from station.method.run import Run
 
+WARM_UP_LOOKS_EVERY_S = 30.0
+WARM_UP_WINDOWS = 1.3
+"""So many windows the warm-up is expected to take."""
 GUARD = 1.03
 """The uncertainty must be this much better than asked for: at the end of a record that stopped by
 it, it is rather too small than too large."""
@@ -137,8 +127,9 @@ class Patience:
 
 def standings_of(run: Run, planned: PlannedRecord, facts: Mapping[str, Any]) -> list[Standing]:
     """Return what the records so far, the unfinished one with them, say of its axes."""
-    from procedures.rlg_magnetic_sensitivity.evaluate import estimates_so_far
     from station.uncertainty import combine
+
+    from .evaluate import estimates_so_far
 
     parameters: RlgParameters = run.parameters
     units = [record.unit for record in sensitivity_records(parameters)]
@@ -161,38 +152,40 @@ def standings_of(run: Run, planned: PlannedRecord, facts: Mapping[str, Any]) -> 
     return standings
 
 
-def warm_up(run: Run) -> None:
-    """S3, first part: gyro on, and wait until its output is steady.
+def warm_up_s(rule: WarmUp) -> Duration:
+    """Return how long a gyro takes to become steady: a window at least."""
+    expected_s = min(WARM_UP_WINDOWS * rule.window_s, rule.at_most_s)
+    longest_s = rule.at_most_s + WARM_UP_LOOKS_EVERY_S + POLL_S
+    return Duration(expected_s, rule.window_s, longest_s)
+
+
+def until_steady(run: Run, gyro: Recording) -> None:
+    """Record the gyro until its output is steady.
 
     Raises ConditionNotReached when |slope| + 2 u stays above the plan's limit for too long.
     """
     from procedures.estimation.linear import slope_with_uncertainty
-    from procedures.rlg_magnetic_sensitivity.from_record import gyro_record
+
+    from .from_record import gyro_record
 
     parameters: RlgParameters = run.parameters
-    if all(run.is_finished(record.unit) for record in all_records(parameters)):
-        return
-    rule = parameters.warm_up
-    run.apply(Power(POWER, True))
-    run.apply(gyro_sampling(parameters))
-    board = run.role(GYRO, GyroAcquisition)
+    rule, interval_s = parameters.warm_up, parameters.sample_interval_s
     began_s = run.now_s
     doing = "filling the window"
     while True:
-        follow_gyro(run, board, run.now_s + WARM_UP_LOOKS_EVERY_S, doing)
+        follow_gyro(run, gyro, run.now_s + WARM_UP_LOOKS_EVERY_S, doing)
         elapsed_s = run.now_s - began_s
         if elapsed_s < rule.window_s:
             continue
-        rows = round(elapsed_s / parameters.sample_interval_s)
-        with run.clock.allow(reading_back_s(rows, parameters.sample_interval_s)):
-            record = gyro_record(run.read_back(), WARM_UP, parameters, run.bench)
+        with run.clock.allow(reading_back_s(round(elapsed_s / interval_s), interval_s)):
+            record = gyro_record(run.read_back(), gyro.unit, parameters, run.bench)
         recent = record.time_s > record.time_s[-1] - rule.window_s
         rate_deg_per_h = record.rate_deg_per_h[recent]
         slope, u = slope_with_uncertainty(record.time_s[recent], rate_deg_per_h)
         slope_deg_per_h2, u_deg_per_h2 = 3600 * slope, 3600 * u
         doing = f"slope {slope_deg_per_h2:+.3f} ± {2 * u_deg_per_h2:.3f} deg/h^2"
         if abs(slope_deg_per_h2) + 2 * u_deg_per_h2 < rule.slope_limit_deg_per_h2:
-            run.finish(WARM_UP, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
+            run.finish(gyro.unit, slope_deg_per_h2=slope_deg_per_h2, u=u_deg_per_h2)
             run.say(f"    warm: {doing}")
             warn_of_beats(run, rate_deg_per_h, record.interval_s)
             return
@@ -204,21 +197,16 @@ def warm_up(run: Run) -> None:
             )
 
 
-def follow_gyro(run: Run, board: GyroAcquisition, until_s: float, doing: str) -> None:
+def follow_gyro(run: Run, gyro: Recording, until_s: float, doing: str) -> None:
     """Record the gyro of the warm-up until a run time."""
-    acquire(
-        run,
-        WARM_UP,
-        {GYRO: board},
-        enough=lambda _: run.now_s >= until_s,
-        detail=lambda: doing,
-    )
+    gyro.until(lambda _: run.now_s >= until_s, NO_TIME, lambda: doing)
 
 
 def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> None:
     """Say before anything is driven that pulses counted at this mean rate would harm a result."""
     from procedures.estimation.allan import allan_deviation, noise_coefficients
-    from procedures.rlg_magnetic_sensitivity.checks import beat_advice
+
+    from .checks import beat_advice
 
     parameters: RlgParameters = run.parameters
     noise = noise_coefficients(allan_deviation(rate_deg_per_h, interval_s))

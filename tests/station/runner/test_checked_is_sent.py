@@ -25,6 +25,7 @@ from station.files.plan import read_plan
 from station.instruments.bench import Bench, read_bench
 from station.method.cell_commands import CellField
 from station.method.commands import Power, SineField, SteadyField
+from station.method.duration import NO_TIME, Duration
 from station.method.run import Run
 from station.method.set_points import Bounded, Command, Envelope, SetPoint
 from station.procedure import Procedures, Step, procedure_of
@@ -94,9 +95,9 @@ def test_a_run_sends_what_its_procedure_declares_in_order_and_nothing_beyond(
     sent: list[Command[Any]] = []
     apply = ActingRun.apply
 
-    def noted(run: ActingRun, command: Command[Any], *takes: Any) -> Any:
+    def noted(run: ActingRun, command: Command[Any], takes: Duration = NO_TIME) -> Any:
         sent.append(command)
-        return apply(run, command, *takes)
+        return apply(run, command, takes)
 
     monkeypatch.setattr(ActingRun, "apply", noted)
     plan = read_plan(find(PLANS, name), Procedures(), SHORT_FORMS[name])
