@@ -1,4 +1,4 @@
-"""The cell on the bench: one shot, and step 2, the nulling of the residual field.
+"""The cell on the bench: its instruments, one shot, and step 2, the nulling of the residual field.
 
 The source nulls by modulation. That finds the zero only within the width of the magnetometer's
 resonance, a nanotesla or two; fields of both senses show the residual field at any size, on the
@@ -8,15 +8,24 @@ scale of the coils themselves. What is left is part of the results.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from station.errors import ConditionNotReached, InstrumentError
-from station.method.cell_commands import PumpLight, TriggeredCellField, dark_after_s
+from station.method.cell_commands import (
+    CellField,
+    NulledCellFields,
+    PumpLight,
+    TriggeredCellField,
+    dark_after_s,
+)
+from station.method.duration import Duration, exactly
+from station.method.verbs import fetch_bursts
+from station.roles import Digitizer, PumpLaser, SignalGenerator
 
 from .parameters import SerfParameters
 from .shots import AXES, Wanted, shots_of
-from .work import CHANNELS, DIGITIZER, GENERATOR_XY, GENERATOR_Z, PUMP, fields_of, held
 
 if TYPE_CHECKING:
     from station.method.run import Run
@@ -26,17 +35,66 @@ if TYPE_CHECKING:
     from .precession import Precession
     from .tone import ToneFit
 
+GENERATOR_XY, GENERATOR_Z = "signal_generator.xy", "signal_generator.z_gradient"
+DIGITIZER, PUMP = "digitizer", "pump_laser"
+CHANNELS: Mapping[str, tuple[str, int]] = {
+    "x": (GENERATOR_XY, 1),
+    "y": (GENERATOR_XY, 2),
+    "z": (GENERATOR_Z, 1),
+    "gradient": (GENERATOR_Z, 2),
+}
+"""The generator and the channel at each coil, as the names of the instances say."""
+FIELD = ("parameters", "field")
+SHOT_EXTRA_S = 0.05
+"""From the trigger to the dark, twice, and what it takes to ask for the record."""
+USUAL_ROUNDS = 2
+NULLING_MARGIN = 2.0
+"""Rounds of nulling correct each other: no more than so many times `at_most` is held."""
 LOOK_S = 0.02
 MIN_SLACK = 0.1
 USUAL_RESIDUAL_NT = 5.0
+
+
+def held(coil: str, size: float, purpose: str = "") -> CellField:
+    """Return a steady field at a coil, in nT, or nT/cm of the gradient."""
+    return CellField(*CHANNELS[coil], coil, size, purpose, decided_by=FIELD)
+
+
+def fields_of(
+    shot: Wanted, parameters: SerfParameters, look: str = ""
+) -> tuple[TriggeredCellField, ...]:
+    """Return the field of each coil of a shot; `look` is why one is fired beside the record."""
+    return tuple(
+        TriggeredCellField(
+            *CHANNELS[coil],
+            coil,
+            field_nT,
+            f"{look or f'shot {shot.id}'}: ",
+            record_s=parameters.record_s,
+            shutter=PUMP,
+            decided_by=FIELD,
+        )
+        for coil, field_nT in shot.by_coil_nT.items()
+        if field_nT
+    )
+
+
+def record_s(parameters: SerfParameters) -> Duration:
+    """Return how long a record takes from the trigger on; it is waited for."""
+    least_s = parameters.record_s
+    return Duration(least_s + SHOT_EXTRA_S, least_s, least_s + 2.0 * SHOT_EXTRA_S)
+
+
+def shots_s(parameters: SerfParameters, least: int, expected: int, most: int) -> Duration:
+    """Return how long shots take whose number the data decide."""
+    each = exactly(parameters.pump_s) + record_s(parameters)
+    return Duration(expected * each.expected_s, least * each.shortest_s, most * each.longest_s)
 
 
 class Cell:
     """The instruments about the cell, as one run uses them."""
 
     def __init__(self, run: Run) -> None:
-        from station.roles import Digitizer, PumpLaser, SignalGenerator
-
         self.run = run
         self.parameters: SerfParameters = run.parameters
         self.generators = {
@@ -70,7 +128,7 @@ class Cell:
     @property
     def delay_s(self) -> float:
         """From the trigger to the field: until the light is surely off."""
-        return dark_after_s(self.run, PUMP)
+        return self.run.read(lambda: dark_after_s(self.run, PUMP), assumed=0.0)
 
     def fire(self, fields: Sequence[TriggeredCellField], doing: str) -> Block:
         """Pump, switch the light off and the fields on, and return the record.
@@ -78,10 +136,7 @@ class Cell:
         The fields are added to what each coil holds. The record's time is zero at the trigger.
         Raises LightPassed where the shutter's sensor still reads open after the record.
         """
-        from station.method.verbs import fetch_bursts
-
         parameters = self.parameters
-        duration_s = parameters.record_s + 2 * self.delay_s
         self.digitizer.prepare(
             parameters.sample_rate_Hz, parameters.record_s + self.delay_s, parameters.full_scale_V
         )
@@ -89,6 +144,24 @@ class Cell:
             self.run.apply(field)
         self.run.wait(parameters.pump_s, f"{doing}: the vapour is pumped")
         self.digitizer.fire()
+        block, light_passes = self.run.read(
+            partial(self._fetch, doing), assumed=(None, False), takes=record_s(parameters)
+        )
+        self.digitizer.release()
+        for field in fields:
+            self.generators[field.instrument].disarm(field.channel)
+        if light_passes:
+            duration_s = parameters.record_s + 2 * self.delay_s
+            raise LightPassed(
+                PUMP,
+                doing,
+                f"its sensor read open {1e3 * duration_s:.0f} ms after the trigger",
+                "look whether the trigger's cable is at its gate and nothing holds the blade",
+            )
+        return block
+
+    def _fetch(self, doing: str) -> tuple[Block, bool]:
+        """Return the record, and whether the light still passes after it."""
         records = fetch_bursts(
             self.run,
             doing,
@@ -98,23 +171,12 @@ class Cell:
             look_at="look whether its trigger output is looped back to its trigger input",
         )
         _, block = next(records)
-        light_passes = self.pump.is_open()
-        self.digitizer.release()
-        for field in fields:
-            self.generators[field.instrument].disarm(field.channel)
-        if light_passes:
-            raise LightPassed(
-                PUMP,
-                doing,
-                f"its sensor read open {1e3 * duration_s:.0f} ms after the trigger",
-                "look whether the trigger's cable is at its gate and nothing holds the blade",
-            )
-        return block
+        return block, self.pump.is_open()
 
     def look(self, wanted: Wanted, doing: str) -> Shot:
         """Fire a shot that is not recorded."""
-        fields = fields_of(wanted, self.parameters, doing)
-        return self.shot_of(wanted, self.fire(fields, doing))
+        block = self.fire(fields_of(wanted, self.parameters, doing), doing)
+        return self.run.read(lambda: self.shot_of(wanted, block))
 
     def shot_of(self, wanted: Wanted, block: Block) -> Shot:
         """Return a record from the beginning of the field on."""
@@ -146,35 +208,66 @@ def null_residual_field(run: Run, cell: Cell) -> None:
     """Solve the residual field from shots of every polarity, take it off, and look again.
 
     A field that is larger than a shield's, or not steady, is not nulled, and the run goes on: what
-    is there is part of the results. Raises ConditionNotReached where hardly a shot can be used.
+    is there is part of the results. A dry run goes through one round, which leaves nothing to null.
+    Raises ConditionNotReached where hardly a shot can be used.
     """
     parameters: SerfParameters = run.parameters
-    rule, levels_nT = parameters.nulling, parameters.field_levels_nT
+    levels_nT = parameters.field_levels_nT
     shots = shots_of("reversal", levels_nT, parameters.pump_axis, parameters.probe_axis)
-    for number in range(1, rule.rounds + 1):
-        doing = f"nulling, round {number}"
-        looks = []
-        for place, shot in enumerate(shots, 1):
-            looks.append(cell.look(shot, f"{doing}, shot {place} of {len(shots)}"))
-        seen = look_at_shots(looks, parameters)
-        cell.usual = [precession.used_fit for precession in seen if precession.used]
-        residual_nT = solved_residual_nT(seen, doing)
-        run.event("residual-field", round=number, field_nT=residual_nT)
+    rounds = parameters.nulling.rounds
+    counts = (len(shots) * number for number in (min(rounds, 1), min(rounds, USUAL_ROUNDS), rounds))
+    for number in run.repeats(range(1, rounds + 1), shots_s(parameters, *counts)):
+        run.declare(*nulled_fields(parameters))
+        looks = [
+            cell.look(shot, f"nulling, round {number}, shot {place} of {len(shots)}")
+            for place, shot in enumerate(shots, 1)
+        ]
+        residual_nT = run.read(partial(residual_to_null, run, cell, looks, number))
         if residual_nT is None:
-            run.say("    the residual field is not steady: it is not nulled")
-            return
-        size_nT = math.hypot(*residual_nT.values())
-        run.say(f"    residual field {size_nT:.2f} nT in round {number}")
-        if size_nT <= rule.tolerance_nT:
-            return
-        if size_nT > rule.at_most_nT:
-            run.say(
-                f"    more than nulling.at_most, {rule.at_most_nT:g} nT: not the shield's, and not "
-                "nulled; were the nuclei depolarised?"
-            )
             return
         for axis in AXES:
             cell.add(axis, -residual_nT[axis])
+
+
+def nulled_fields(parameters: SerfParameters) -> tuple[NulledCellFields, ...]:
+    """Return how far the fields go that are solved from data, by generator."""
+    most_nT = NULLING_MARGIN * parameters.nulling.at_most_nT
+    return tuple(
+        NulledCellFields(
+            generator,
+            f"at most {most_nT:g} nT against the residual field at {', '.join(coils)}",
+            coils,
+            most_nT,
+            decided_by=("parameters", "nulling", "at_most"),
+        )
+        for generator, coils in ((GENERATOR_XY, "xy"), (GENERATOR_Z, "z"))
+    )
+
+
+def residual_to_null(
+    run: Run, cell: Cell, looks: Sequence[Shot], number: int
+) -> dict[str, float] | None:
+    """Return the residual field that a round of shots shows, None where it is left as it is."""
+    parameters: SerfParameters = run.parameters
+    rule = parameters.nulling
+    seen = look_at_shots(looks, parameters)
+    cell.usual = [precession.used_fit for precession in seen if precession.used]
+    residual_nT = solved_residual_nT(seen, f"nulling, round {number}")
+    run.event("residual-field", round=number, field_nT=residual_nT)
+    if residual_nT is None:
+        run.say("    the residual field is not steady: it is not nulled")
+        return None
+    size_nT = math.hypot(*residual_nT.values())
+    run.say(f"    residual field {size_nT:.2f} nT in round {number}")
+    if size_nT <= rule.tolerance_nT:
+        return None
+    if size_nT > rule.at_most_nT:
+        run.say(
+            f"    more than nulling.at_most, {rule.at_most_nT:g} nT: not the shield's, and not "
+            "nulled; were the nuclei depolarised?"
+        )
+        return None
+    return residual_nT
 
 
 def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Precession]:

@@ -14,12 +14,12 @@ import numpy as np
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
+from .cell import CHANNELS, DIGITIZER, PUMP
 from .dataset import SerfDataset, Shot
 from .from_import import dataset_of_import
 from .parameters import SerfParameters
 from .settings import AnalysisSettings
 from .shots import AXES, REPEATED, Wanted
-from .work import CHANNELS, DIGITIZER, PUMP
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

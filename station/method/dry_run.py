@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from station import registry
@@ -287,11 +287,11 @@ class DryRun(Run):
         return nullcontext()
 
     def repeats(self, items: Iterable[Item], takes: Duration) -> Iterator[Item]:
-        """Go through the first item; what it takes is counted as often as all take `takes`."""
+        """Go through the first item, if any; its rows are counted as often as all take `takes`."""
         first, began_s, repeating = len(self._acts), self._now_s, self._repeating
         self._repeating = True
         try:
-            yield next(iter(items))
+            yield from islice(items, 1)
         finally:
             took_s = self._now_s - began_s
             often = takes.expected_s / took_s if took_s else 1.0

@@ -1,7 +1,4 @@
-"""What a run of a plan commands, records and determines, and why a plan cannot run on a bench.
-
-The steps apply the commands that are declared here; forecast, limits and durations come from them.
-"""
+"""What a plan determines, and how well, before anything moves; and why a bench does not fit it."""
 
 from __future__ import annotations
 
@@ -11,22 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from station import registry
-from station.method.cell_commands import (
-    SURE_OF_DARK,
-    CellField,
-    NulledCellFields,
-    PumpLight,
-    TriggeredCellField,
-    coil_voltage_V,
-    constant_of,
-)
-from station.method.work import NO_TIME, Duration, Rows, Work
+from station.method.cell_commands import SURE_OF_DARK, coil_voltage_V, constant_of
 from station.procedure import Problem, RecordUse
 from station.report.numbers import format_number
 from station.units import parse_as
 
+from .cell import CHANNELS, DIGITIZER, FIELD, PUMP
 from .parameters import SerfParameters
-from .shots import AXES, MIN_CYCLES, PAIRS, Wanted
+from .shots import AXES, MIN_CYCLES, PAIRS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -38,23 +27,6 @@ FULL_RECORD = 3.0
 ARCSEC = math.pi / 648000.0
 MIN_LOSS_SHARE = 0.5
 """Broadening over width at which angles are determined best."""
-GENERATOR_XY = "signal_generator.xy"
-GENERATOR_Z = "signal_generator.z_gradient"
-DIGITIZER = "digitizer"
-PUMP = "pump_laser"
-CHANNELS: Mapping[str, tuple[str, int]] = {
-    "x": (GENERATOR_XY, 1),
-    "y": (GENERATOR_XY, 2),
-    "z": (GENERATOR_Z, 1),
-    "gradient": (GENERATOR_Z, 2),
-}
-"""The generator and the channel at each coil, as the names of the instances say."""
-FIELD = ("parameters", "field")
-SHOT_EXTRA_S = 0.05
-"""From the trigger to the dark, twice, and what it takes to ask for the record."""
-NULLING_SHOTS, USUAL_ROUNDS = 14, 2
-NULLING_MARGIN = 2.0
-"""Rounds of nulling correct each other: no more than so many times `at_most` is held."""
 OVERSAMPLING = 4.0
 MIN_DECAYS, USUAL_DECAYS = 1.0, 3.0
 BEYOND_USE = 3.0
@@ -176,11 +148,6 @@ def _by_residual(parameters: SerfParameters) -> float:
     return math.degrees(2.0 / min(parameters.field_levels_nT.values()))
 
 
-def instruments(parameters: SerfParameters) -> tuple[str, ...]:
-    """Return the bench instances that every plan needs."""
-    return (GENERATOR_XY, GENERATOR_Z, DIGITIZER, PUMP)
-
-
 def records(parameters: SerfParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records.
 
@@ -192,96 +159,6 @@ def records(parameters: SerfParameters, bench: Bench) -> tuple[RecordUse, ...]:
         *(coils if parameters.constants_known else ()),
         RecordUse(DIGITIZER, "frequency", parameters.sample_rate_Hz, "Hz"),
         RecordUse(PUMP, "time_offset", 0.0, "s", needed=False, corrected=False),
-    )
-
-
-def held(coil: str, size: float, purpose: str = "") -> CellField:
-    """Return a steady field at a coil, in nT, or nT/cm of the gradient."""
-    return CellField(*CHANNELS[coil], coil, size, purpose, decided_by=FIELD)
-
-
-def fields_of(
-    shot: Wanted, parameters: SerfParameters, look: str = ""
-) -> tuple[TriggeredCellField, ...]:
-    """Return the field of each coil of a shot; `look` is why one is fired beside the record."""
-    return tuple(
-        TriggeredCellField(
-            *CHANNELS[coil],
-            coil,
-            field_nT,
-            f"{look or f'shot {shot.id}'}: ",
-            record_s=parameters.record_s,
-            shutter=PUMP,
-            decided_by=FIELD,
-        )
-        for coil, field_nT in shot.by_coil_nT.items()
-        if field_nT
-    )
-
-
-def nulled_fields(parameters: SerfParameters) -> tuple[NulledCellFields, ...]:
-    """Return how far the fields go that are solved from data, by generator."""
-    most_nT = NULLING_MARGIN * parameters.nulling.at_most_nT
-    return tuple(
-        NulledCellFields(
-            generator,
-            f"at most {most_nT:g} nT against the residual field at {', '.join(coils)}",
-            coils,
-            most_nT,
-            decided_by=("parameters", "nulling", "at_most"),
-        )
-        for generator, coils in ((GENERATOR_XY, "xy"), (GENERATOR_Z, "z"))
-    )
-
-
-def shot_s(parameters: SerfParameters) -> float:
-    """Return the least bench time in s of one shot; beside it the record is waited for."""
-    return parameters.pump_s + parameters.record_s
-
-
-def shots_s(parameters: SerfParameters, least: int, expected: int, most: int) -> Duration:
-    """Return how long shots take whose number the data decide."""
-    each_s = shot_s(parameters)
-    return Duration(
-        expected * (each_s + SHOT_EXTRA_S), least * each_s, most * (each_s + 2.0 * SHOT_EXTRA_S)
-    )
-
-
-def work(parameters: SerfParameters) -> Iterator[Work]:
-    """Yield the depolarisation, the nulling, each shot, and the end."""
-    rule, nulling = parameters.depolarise, parameters.nulling
-    gradient = (held("gradient", rule.gradient_nT_per_cm),) if parameters.gyro_was_running else ()
-    yield Work(
-        "1",
-        commands=(PumpLight(PUMP, True), *gradient),
-        decided=depolarising_s(parameters) if gradient else NO_TIME,
-    )
-    rounds = min(nulling.rounds, USUAL_ROUNDS)
-    yield Work(
-        "2",
-        commands=nulled_fields(parameters) if rounds else (),
-        decided=shots_s(
-            parameters,
-            min(rounds, 1) * NULLING_SHOTS,
-            rounds * NULLING_SHOTS,
-            nulling.rounds * NULLING_SHOTS,
-        ),
-    )
-    taken = shots_s(parameters, 1, 1, parameters.repeats + 1)
-    rows = Rows(DIGITIZER, taken.expected_s, parameters.record_s * parameters.sample_rate_Hz)
-    for number, shot in enumerate(parameters.wanted):
-        step = ("3", "5")[number] if number < 2 else "7"
-        yield Work(step, shot.id, fields_of(shot, parameters), (rows,), decided=taken)
-    yield Work("7", commands=(PumpLight(PUMP, False),))
-
-
-def depolarising_s(parameters: SerfParameters) -> Duration:
-    """Return how long the gradient acts, and the nuclei are looked for, until none are seen."""
-    rule, look = parameters.depolarise, shots_s(parameters, 1, 1, 1)
-    return Duration(
-        rule.duration_s + look.expected_s,
-        rule.duration_s + look.shortest_s,
-        rule.rounds * (rule.duration_s + look.longest_s),
     )
 
 
