@@ -23,11 +23,11 @@ from .analysis import FogAnalysis, analyse
 from .axis_fit import WIDE, AxisFit, within
 from .curve import Band, Curve
 from .dataset import FogDataset
+from .following import TABLE
 from .from_import import Conditions, dataset_of_import
 from .parameters import PUBLISHED_SOAK_H, FogParameters
 from .settings import AnalysisSettings
 from .verification import Driven, Verified
-from .work import TABLE
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

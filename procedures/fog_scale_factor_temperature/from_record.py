@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from station.errors import MissingRows
 
-from .bench_work import BETWEEN_TURNS, PROOF, RAMP
 from .dataset import AXES, FogDataset, TurnTable
+from .following import BETWEEN_TURNS, CHAMBER, NAVIGATOR, PROOF, RAMP
 from .from_import import PLACE, drive_in
 from .parameters import FogParameters
-from .work import CHAMBER, NAVIGATOR
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from station.files.faults import FaultList
-from station.procedure import Problem
+from station.procedure import Problem, RecordUse
 from station.report.numbers import format_number
 from station.roles.turntable import unnamed_axes
 
-from .curve import chebyshev_columns
-from .dataset import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR
-from .from_import import drive_in, inputs
-from .parameters import FogParameters
-from .work import TABLE, sets_of_ramp
-
-ARCSEC = 1.0 / 3600.0
-GRID = 101
+from .following import TABLE
+from .parameters import FULL_TURN_DEG, SECONDS_PER_HOUR, FogParameters
+from .ramping import sets_of_ramp
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
+ARCSEC, PPM = 1.0 / 3600.0, 1e6
+GRID = 101
 TURN_ACCELERATION = ("parameters", "turn_acceleration")
 RESOLUTION = ("parameters", "heading_resolution")
 ASKED = ("parameters", "asked_uncertainty")
@@ -51,12 +47,34 @@ class Expectation:
     @property
     def total_ppm(self) -> float:
         """The standard uncertainty to expect, rms over the range, bias included."""
-        return float(np.hypot(self.rms_ppm, self.bias_ppm))
+        return math.hypot(self.rms_ppm, self.bias_ppm)
+
+
+def records(parameters: FogParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: that a turn of the table is whole."""
+    return (RecordUse(TABLE, "angle", FULL_TURN_DEG, "deg", corrected=False),)
+
+
+def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:
+    """Return the axes that a plan measures; of a proof and a drive none where it has none."""
+    measured: tuple[str, ...] = parameters.axes
+    verified = measured if parameters.verification is not None else ()
+    headings = ("heading_error_uncompensated", "heading_error_compensated")
+    return {
+        **dict.fromkeys(headings if parameters.drive is None else (), ()),
+        "scale_factor_error": measured,
+        "largest_scale_factor_error": measured,
+        "residual_scale_factor_error": verified,
+    }
 
 
 def expected_uncertainty(parameters: FogParameters) -> Expectation:
     """Return the Cramer-Rao bounds of a plan."""
-    sets = sets_of_ramp(parameters)
+    import numpy as np
+
+    from .curve import chebyshev_columns
+
+    sets = sets_of_ramp(parameters, parameters.ramp_rate_degC_per_h)
     turns = sets * len(parameters.signs)
     turn_h = parameters.schedule.turn_s / SECONDS_PER_HOUR
     resolution = parameters.heading_resolution_deg / np.sqrt(6.0)
@@ -164,6 +182,7 @@ def uncertainty_problems(parameters: FogParameters) -> Iterator[Problem]:
 
 def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
     """Yield why the file of the vehicle test cannot be used."""
+    from .from_import import drive_in, inputs
 
     try:
         files = inputs(parameters)

@@ -1,24 +1,50 @@
-"""Ramps of the chamber with sets of turns: of the fit and of the proof; a ramp may be resumed."""
+"""Ramps of the chamber with sets of turns: of the fit and of the proof; a ramp may be resumed.
+
+How many sets of turns a ramp holds is decided by the gyros: they follow the chamber's air late and
+are warmer than it by their own heat. On a ramp they are behind where they would come to rest by its
+rate times their lag, and go on when it has ended.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import count
-from typing import TYPE_CHECKING
+from functools import partial
+from itertools import accumulate, count
+from typing import TYPE_CHECKING, Any
 
 from station.errors import ConditionNotReached
-from station.method.motion import TemperatureRamp
+from station.method.duration import Duration, exactly, on_the_way
+from station.method.motion import AxisAtRate, AxisBy, AxisTo, TemperatureRamp
+from station.method.set_points import Bounded, Bounds
+from station.method.verbs import axis_of
 
-from .bench_work import COOLING, PROOF, RAMP, BenchWork
-from .parameters import AXES, SECONDS_PER_HOUR, FogParameters
-from .work import CHAMBER, NAVIGATOR, PROVED_WITHIN_DEGC, full_turns, to_temperature, to_up
+from .following import (
+    CHAMBER,
+    NAVIGATOR,
+    PROOF,
+    RAMP,
+    TABLE,
+    Following,
+)
+from .parameters import AXES, FULL_TURN_DEG, SECONDS_PER_HOUR, FogParameters
 
 if TYPE_CHECKING:
     from station.method.run import Run
 
-DRIFTED_DEGC = 1.0
+TURN_RATE = ("parameters", "turn_rate")
+EXPECTED_HEAT_DEGC = 5.0
+"""By how much gyros warm themselves."""
+EXPECTED_LAG_S = 2520.0
+PROVED_WITHIN_DEGC = 2.0
+"""So near to where the first turns were made the proof begins and ends; nearer takes hours."""
+MIN_LEFT_DEGC = 0.1
+TURNING_LOOK_S = 2.0
+SHORT_OF_TURN_S = 1.0
+"""The axis goes to its angle when it is so near to it: it brakes, then covers the rest."""
+UP: dict[str, tuple[float, float]] = {"x": (90.0, 0.0), "y": (0.0, -90.0), "z": (0.0, 180.0)}
+"""Angles of the middle and the inner axis, in deg, that let a body axis point up (z is down)."""
 
 
 @dataclass(frozen=True)
@@ -38,34 +64,18 @@ class Ramp:
         """The unit that is finished when the ramp is."""
         return f"end of {self.name}"
 
+    def takes(self, run: Run, first: int) -> Duration:
+        """Return how long its turns go on from set `first`, and as long as the gyros lag at most.
 
-def is_turn(unit: str) -> bool:
-    """Whether a unit of work is a turn of a ramp."""
-    return unit.split(" ")[0] in (RAMP, PROOF)
-
-
-def last_turn(run: Run) -> dict[str, float] | None:
-    """Return where the ramp stood at the last turn of an earlier process, None without one."""
-    turns = [details for unit, details in run.past.finished.items() if is_turn(unit)]
-    return dict(turns[-1]["stands"]) if turns else None
-
-
-def soak_again(run: Run, stood: dict[str, float]) -> None:
-    """Bring gyros and chamber to where they were when the run was interrupted."""
-    work = run.state(BenchWork, run)
-    wanted_degC = stood["gyro_degC"]
-    run.say(f"    the gyros go back to {wanted_degC:.1f} degC")
-
-    def there() -> bool:
-        return bool(abs(work.gyro_degC().mean() - wanted_degC) <= DRIFTED_DEGC)
-
-    limit_s = run.parameters.warm_up.at_most_s
-    if not work.follow_until(there, limit_s, COOLING, lambda: said_of(work)):
-        run.say("    they do not come there: the ramp goes on from where they are")
-    # A controller rounds what it reads back: at an end of the range it may lie a digit beyond.
-    low_degC, high_degC = run.parameters.temperature_range_degC
-    set_degC = min(max(stood["set_point_degC"], low_degC), high_degC)
-    work.reach(to_temperature(set_degC, "back to where the ramp stood"), COOLING)
+        What is left of that set is made at least.
+        """
+        parameters: FogParameters = run.parameters
+        rate, interval_s = self.command.rate_degC_per_h, parameters.set_interval_s
+        left = sum(len(units) for _, units in turns_left(run, self.name, first))
+        least_s = left * FULL_TURN_DEG / parameters.turn_rate_deg_per_s
+        most_s = _ramp_s(parameters, rate) + parameters.chamber_at_most_s + 2.0 * interval_s
+        sets = max(sets_of_ramp(parameters, rate, upwards=self.upwards) - first, 1)
+        return Duration(min(sets * interval_s, most_s), least_s, most_s)
 
 
 def make_ramp(run: Run, ramp: Ramp) -> None:
@@ -76,47 +86,57 @@ def make_ramp(run: Run, ramp: Ramp) -> None:
     if run.is_finished(ramp.end):
         return
     parameters: FogParameters = run.parameters
-    work = run.state(BenchWork, run)
+    bench = run.state(Following, run)
     done = [unit for unit in run.past.finished if unit.split(" ")[0] == ramp.name]
     first = max((int(unit.split(" ")[1]) for unit in done), default=0)
     first += not any(turns_left(run, ramp.name, first))
     run.apply(ramp.command)
+    turns, rate = next(full_turns(parameters))[0].text, parameters.turn_rate_deg_per_s
+    bounds = Bounds(rate_deg_per_s=rate)
+    run.declare(Bounded(NAVIGATOR, turns, within=bounds, decided_by=TURN_RATE))
     if ramp.name == PROOF:
-        between = fitted_degC(run)
-        work.follow_until(
-            lambda: is_inside(work, between),
-            parameters.chamber_at_most_s,
-            PROOF,
-            lambda: said_of(work),
-        )
-    began_s = run.now_s
-    number, ended_s = first, math.inf
-    while True:
+        between = run.read(partial(fitted_degC, run), {})
+        inside, at_most_s = partial(is_inside, bench, between), parameters.chamber_at_most_s
+        bench.follow_until(inside, 0.0, at_most_s, PROOF, bench.how_warm)
+    began_s, ended = run.now_s, end_of(run, ramp, bench)
+    for number in run.repeats(count(first), ramp.takes(run, first)):
         run.may_pause()
-        work.follow(
-            began_s + (number - first) * parameters.set_interval_s, ramp.name, said_of(work)
-        )
+        begins_s = began_s + (number - first) * parameters.set_interval_s
+        bench.follow(begins_s, ramp.name, bench.how_warm())
         one_set(run, ramp.name, number)
-        number += 1
-        gyros = work.gyro_degC()
+        if run.read(ended, assumed=True):
+            break
+    run.finish(ramp.end)
+
+
+def end_of(run: Run, ramp: Ramp, bench: Following) -> Callable[[], bool]:
+    """Return what says, after each set, whether every gyro is at its end, or can go no further."""
+    parameters: FogParameters = run.parameters
+    at_end_s: list[float] = []
+    """When the chamber was at its end, first of all."""
+
+    def ended() -> bool:
+        gyros = bench.gyro_degC()
         there = gyros >= ramp.gyros_degC if ramp.upwards else gyros <= ramp.gyros_degC
         if there.all():
-            break
-        if not work.chamber.is_ramping():
-            ended_s = min(ended_s, run.now_s)
-        if run.now_s - ended_s > parameters.chamber_at_most_s:
-            if ramp.name == PROOF:
-                run.say(f"    the proof ends at {said_of(work)}: they go no further")
-                break
-            raise ConditionNotReached(
-                f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:.3g} h after the end of the "
-                f"ramp {NAVIGATOR} reports the gyros at "
-                f"{', '.join(f'{gyro_degC:.1f}' for gyro_degC in gyros)} degC, not at "
-                f"{ramp.gyros_degC:g} degC, and {CHAMBER} that its air does at "
-                f"{work.chamber.temperature_degC():.1f} degC; take a range that they reach with "
-                "their own heat"
-            )
-    run.finish(ramp.end)
+            return True
+        if not bench.chamber.is_ramping():
+            at_end_s.append(run.now_s)
+        if not at_end_s or run.now_s - at_end_s[0] <= parameters.chamber_at_most_s:
+            return False
+        if ramp.name == PROOF:
+            run.say(f"    the proof ends at {bench.how_warm()}: they go no further")
+            return True
+        raise ConditionNotReached(
+            f"{parameters.chamber_at_most_s / SECONDS_PER_HOUR:.3g} h after the end of the "
+            f"ramp {NAVIGATOR} reports the gyros at "
+            f"{', '.join(f'{gyro_degC:.1f}' for gyro_degC in gyros)} degC, not at "
+            f"{ramp.gyros_degC:g} degC, and {CHAMBER} that its air does at "
+            f"{bench.chamber.temperature_degC():.1f} degC; take a range that they reach with "
+            "their own heat"
+        )
+
+    return ended
 
 
 def fitted_degC(run: Run) -> dict[str, tuple[float, float]]:
@@ -128,34 +148,10 @@ def fitted_degC(run: Run) -> dict[str, tuple[float, float]]:
     return {axis: (min(values), max(values)) for axis, values in by_gyro.items()}
 
 
-def is_inside(work: BenchWork, between: dict[str, tuple[float, float]]) -> bool:
+def is_inside(bench: Following, between: dict[str, tuple[float, float]]) -> bool:
     """Whether no gyro is still warmer, or colder, than in any turn of the fit."""
-    gyros = dict(zip(AXES, work.gyro_degC(), strict=True))
+    gyros = dict(zip(AXES, bench.gyro_degC(), strict=True))
     return all(low <= gyros[axis] <= high for axis, (low, high) in between.items())
-
-
-def coldest_degC(run: Run) -> float:
-    """Return how cold, in the mean, the gyros have to become in a proof."""
-    units = run.read_back().finished_units()
-    first = next(details for unit, details in units.items() if unit.split(" ")[0] == RAMP)
-    return float(first["stands"]["gyro_degC"]) + PROVED_WITHIN_DEGC
-
-
-def cool_down(run: Run, chamber_degC: float, gyros_degC: float) -> None:
-    """Let the gyros become cold again, as far as they do within the plan's time."""
-    work = run.state(BenchWork, run)
-    work.reach(to_temperature(chamber_degC, "the gyros cool down"), COOLING)
-    work.follow_until(
-        lambda: bool((work.gyro_degC() <= gyros_degC).all()),
-        run.parameters.chamber_at_most_s,
-        COOLING,
-        lambda: said_of(work),
-    )
-
-
-def said_of(work: BenchWork) -> str:
-    """Return how warm it is, for the operator."""
-    return f"gyros {work.gyro_degC().mean():.1f} degC"
 
 
 def turns_left(run: Run, name: str, number: int) -> Iterator[tuple[str, list[tuple[str, int]]]]:
@@ -176,30 +172,130 @@ def turns_left(run: Run, name: str, number: int) -> Iterator[tuple[str, list[tup
 
 
 def one_set(run: Run, name: str, number: int) -> None:
-    """Turn about each axis in turn; each turn is a unit of work."""
+    """Turn each axis up in turn, and about it; each turn is a unit of work."""
     parameters: FogParameters = run.parameters
-    work = run.state(BenchWork, run)
+    bench = run.state(Following, run)
     for axis, units in turns_left(run, name, number):
-        work.go_to(to_up(axis), name, f"{axis} is turned up")
+        moves = to_up(axis)
+        each = on_the_way(parameters.reorientation_s / len(moves))
+        bench.go_to(moves, name, f"{axis} is turned up", each)
         for (unit, sign), turn in zip(units, full_turns(parameters), strict=True):
-            run.event("unit-started", durable=False, unit=unit)
-            doing = f"set {number}, {axis}, {said_of(work)}"
-            before_s, rests_s, after_s, turned_deg = work.turn_around(turn, unit, doing)
-            stands = {
-                "gyro_degC": float(work.gyro_degC().mean()),
-                "own_degC": float(work.gyro_degC()[AXES.index(axis)]),
-                "set_point_degC": work.chamber.set_point_degC(),
-            }
-            run.finish(
-                unit,
-                axis=axis,
-                set=number,
-                commanded_deg=360.0 * sign,
-                turned_deg=turned_deg,
-                before_s=before_s,
-                rests_s=rests_s,
-                after_s=after_s,
-                chamber_degC=work.chamber.temperature_degC(),
-                stands=stands,
-            )
-            work.follow(run.now_s + parameters.pause_s, name, doing)
+            doing = f"set {number}, {axis}, {bench.how_warm()}"
+            commanded_deg = FULL_TURN_DEG * sign
+            with run.unit(unit, axis=axis, set=number, commanded_deg=commanded_deg) as details:
+                details |= turn_around(run, turn, unit, doing)
+                details |= run.read(partial(stands, bench, axis), {})
+            bench.follow(run.now_s + parameters.pause_s, name, doing)
+
+
+def turn_around(
+    run: Run, turn: tuple[AxisAtRate, AxisBy], unit: str, doing: str
+) -> dict[str, float]:
+    """Turn the vertical axis once at the plan's rate, at rest before and after.
+
+    Returns the run times of the end of the first rest and of both ends of the second, and the angle
+    that the encoder turned.
+    """
+    bench, (at_rate, by_angle) = run.state(Following, run), turn
+    outer = axis_of(run, by_angle)
+    bench.rest(unit, doing)
+    before_s = run.now_s
+    before_deg = run.prepare(by_angle) or 0.0
+    left_deg = run.read(
+        lambda: before_deg + by_angle.angle_deg - bench.table.angle_deg(outer), by_angle.angle_deg
+    )
+    run.apply(at_rate)
+    ends_s = run.now_s + abs(left_deg / at_rate.rate_deg_per_s) - SHORT_OF_TURN_S
+
+    def keep_rate() -> None:
+        while run.now_s < ends_s:
+            bench.follow(min(run.now_s + TURNING_LOOK_S, ends_s), unit, doing)
+            bench.table.is_at_rate(outer)  # raises where it does not keep it
+
+    run.read(keep_rate, takes=exactly(run.parameters.schedule.motion_s), rates=bench.rates)
+    bench.go_to([by_angle], unit, doing)
+    rests_s = run.now_s
+    bench.rest(unit, doing)
+    after_s = run.now_s
+    turned_deg = run.read(lambda: bench.table.angle_deg(outer) - before_deg, by_angle.angle_deg)
+    return {"turned_deg": turned_deg, "before_s": before_s, "rests_s": rests_s, "after_s": after_s}
+
+
+def stands(bench: Following, axis: str) -> dict[str, Any]:
+    """Return how warm gyros and chamber are after a turn: where a resumed run goes back to."""
+    gyros = bench.gyro_degC()
+    where = {
+        "gyro_degC": float(gyros.mean()),
+        "own_degC": float(gyros[AXES.index(axis)]),
+        "set_point_degC": bench.chamber.set_point_degC(),
+    }
+    return {"chamber_degC": bench.chamber.temperature_degC(), "stands": where}
+
+
+def to_up(axis: str) -> tuple[AxisTo, ...]:
+    """Return the moves that let a body axis point up."""
+    middle_deg, inner_deg = UP[axis]
+    text = f"{axis} up: middle and inner axis to {middle_deg:g} deg, {inner_deg:g} deg"
+    return moves(text, middle=middle_deg, inner=inner_deg)
+
+
+def moves(text: str, **angles_deg: float) -> tuple[AxisTo, ...]:
+    """Return the commands that bring axes of the table, by name, to angles."""
+    return tuple(
+        AxisTo(TABLE, axis, text, angle_deg=angle_deg, decided_by=TURN_RATE)
+        for axis, angle_deg in angles_deg.items()
+    )
+
+
+def turning(rate_deg_per_s: float, text: str, axis: str = "outer") -> AxisAtRate:
+    """Return the command that lets an axis turn at a rate."""
+    return AxisAtRate(TABLE, axis, text, None, rate_deg_per_s, decided_by=TURN_RATE)
+
+
+def full_turns(parameters: FogParameters) -> Iterator[tuple[AxisAtRate, AxisBy]]:
+    """Yield each turn about an axis that points up: its rate, and the angle at which it ends.
+
+    Angles are bounded by where the outer axis stands at the first of them.
+    """
+    text = "turns of " + ", ".join(f"{sign * FULL_TURN_DEG:+g} deg" for sign in parameters.signs)
+    for sign, place in zip(parameters.signs, accumulate(parameters.signs), strict=True):
+        yield (
+            turning(sign * parameters.turn_rate_deg_per_s, text),
+            AxisBy(
+                TABLE,
+                "outer",
+                text,
+                angle_deg=sign * FULL_TURN_DEG,
+                bound_deg=place * FULL_TURN_DEG,
+                decided_by=TURN_RATE,
+            ),
+        )
+
+
+def sets_of_ramp(parameters: FogParameters, rate_degC_per_h: float, *, upwards: bool = True) -> int:
+    """Return how many sets of turns a ramp is expected to hold."""
+    lag_degC = rate_degC_per_h / SECONDS_PER_HOUR * EXPECTED_LAG_S
+    behind_degC = lag_degC * -math.expm1(-parameters.span_degC / lag_degC)
+    after_s = nearing_s(behind_degC, EXPECTED_HEAT_DEGC if upwards else near_degC(parameters))
+    lasts_s = _ramp_s(parameters, rate_degC_per_h) + after_s
+    return math.ceil(lasts_s / parameters.set_interval_s - 1e-9) + 1
+
+
+def _ramp_s(parameters: FogParameters, rate_degC_per_h: float) -> float:
+    return parameters.span_degC / rate_degC_per_h * SECONDS_PER_HOUR
+
+
+def nearing_s(from_degC: float, to_degC: float) -> float:
+    """Return the time in which the gyros come from one distance to another, nearer one."""
+    return EXPECTED_LAG_S * math.log(max(from_degC / to_degC, 1.0))
+
+
+def left_degC(parameters: FogParameters) -> float:
+    """Return how much warmer the gyros would still become when they count as warm."""
+    slope_degC_per_s = parameters.warm_up.slope_limit_degC_per_h / SECONDS_PER_HOUR
+    return min(slope_degC_per_s * EXPECTED_LAG_S, EXPECTED_HEAT_DEGC)
+
+
+def near_degC(parameters: FogParameters) -> float:
+    """Return how far the gyros may be from where they would come to rest where a proof is cold."""
+    return max(PROVED_WITHIN_DEGC - left_degC(parameters), MIN_LEFT_DEGC)
