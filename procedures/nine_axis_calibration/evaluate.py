@@ -26,13 +26,15 @@ from .measuring import (
     ACCELEROMETERS,
     GYRO_BITS,
     GYROS,
+    IMU,
     SECONDS_PER_HOUR,
+    UP_SENSE,
     pose_limits,
 )
-from .outlook import prior_of
+from .outlook import RATE, prior_of
 from .parameters import FULL_TURN_DEG, NineAxisParameters
+from .placing import TURNTABLE
 from .settings import AnalysisSettings
-from .work import IMU, RATE, TURNTABLE, UP_SENSE
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -1,36 +1,50 @@
-"""One unit of work: a position at rest, its pose checked, or whole turns at one rate."""
+"""One unit of work: a position or a further pose at rest, judged; or whole turns at one rate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from procedures.estimation.frozen import IN_A_ROW, longest_run
 from station.errors import ConditionNotReached, InstrumentError
-from station.method.verbs import Follower, look_until
+from station.method.duration import Duration, exactly, on_the_way
+from station.method.motion import AxisAtRate
+from station.method.set_points import Bounded
+from station.method.verbs import Recording, axis_of, come_to_rest, keep_row, look_until
+from station.roles import Imu, Turntable
 
-from .dataset import Array
-from .directions import AXES
+from .directions import AXES, in_words, up_of
 from .parameters import (
     FULL_TURN_DEG,
     MAX_READING_S,
     SHORTEST_READING_S,
     NineAxisParameters,
     Turn,
+    pose_unit,
     position_unit,
 )
-from .placing import put
-from .pose import Pose, check_pose
+from .placing import MOVE_S, RATES, STANDS, TURNTABLE, lay, put
 from .settings import PoseLimits
-from .work import EXTRA_S, IMU, LATE_OUTPUTS_S, TURNTABLE, UP_SENSE, spin
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from station.method.run import Run
 
+    from .dataset import Array
+
+IMU = "imu"
+UP_SENSE = -1.0
+"""Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
+USUAL_ACCELERATION_DEG_PER_S2, SETTLING_S = 50.0, 3.0
+EXTRA_S = 0.1
+"""So much more than the whole turns is recorded, and a reading more."""
+LATE_OUTPUTS_S = 0.2
+"""Outputs of a record's last moments may still be on their way when it ends."""
+SIGMAS = 3.0
+"""So many of its prior a direction between axes may be off."""
 
 LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
@@ -55,52 +69,59 @@ TABLE_COLUMNS = {
 }
 
 
-class Sensing:
+class Sensing(Recording):
     """The sensor's stream for one unit of work; `stop` it when the unit is done."""
 
     def __init__(self, run: Run, unit: str) -> None:
-        from station.roles import Imu
-
-        self._run, self._unit = run, unit
+        self.rate_Hz = run.parameters.sample_rate_Hz
+        super().__init__(run, unit, {IMU: self.rate_Hz})
         self._sensor = run.role(IMU, Imu)
-        parameters: NineAxisParameters = run.parameters
-        self._sensor.start(parameters.sample_rate_Hz)
-        self._follower = Follower(run, {IMU: self._sensor})
+        self._sensor.start(self.rate_Hz)
         self._rows: list[NDArray[Any]] = []
-        self._newest = np.empty((0, len(GYROS) + len(ACCELEROMETERS)))
-        self._frozen_after = max(math.ceil(FROZEN_AFTER_S * parameters.sample_rate_Hz), IN_A_ROW)
+        self._last: NDArray[Any] | None = None
 
-    def follow(self, until_s: float, doing: str) -> None:
+    def follow_to(self, until_s: float, doing: str) -> None:
         """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
-        look_until(self._run, until_s, self.look, doing, LOOK_S)
+        act = partial(look_until, self._run, until_s, self.take, doing, LOOK_S)
+        lasts_s = max(until_s - self._run.now_s, 0.0)
+        self._run.read(act, takes=exactly(lasts_s), rates=self.rates)
 
-    def look(self) -> None:
+    def take(self) -> dict[str, NDArray[Any]]:
         """Record what has come."""
-        rows = self._follower.take(self._unit).get(IMU)
-        if rows is not None:
+        came = super().take()
+        for rows in came.values():
             self._rows.append(rows)
             self._need_changes(rows)
+        return came
 
     def _need_changes(self, rows: NDArray[Any]) -> None:
         """Raise InstrumentError where new outputs, after those before, repeat one set of values."""
+        import numpy as np
+
+        from procedures.estimation.frozen import IN_A_ROW, longest_run
+
         values = np.column_stack([rows[name] for name in (*GYROS, *ACCELEROMETERS)])
-        values = np.concatenate((self._newest, values))
+        if self._last is not None:
+            values = np.concatenate((self._last, values))
         same = longest_run(values)
-        if same >= self._frozen_after:
+        frozen_after = max(math.ceil(FROZEN_AFTER_S * self.rate_Hz), IN_A_ROW)
+        if same >= frozen_after:
             raise InstrumentError(
                 IMU,
-                f"record {self._unit}",
+                f"record {self.unit}",
                 f"{same} outputs in a row hold the same six rates and specific forces, though "
                 "their counter goes on",
                 "switch it off and on; where it does so again have it looked at",
             )
-        self._newest = values[-self._frozen_after :]
+        self._last = values[-frozen_after:]
 
     def means(self, from_s: float) -> tuple[Array, Array]:
         """Return the gyros' means in deg/h and the accelerometers' in g, (3,) each, since a time.
 
         NaN where nothing came.
         """
+        import numpy as np
+
         from station.roles.base import ARRIVAL
 
         rows = [row[row[ARRIVAL] > from_s] for row in self._rows]
@@ -115,13 +136,15 @@ class Sensing:
 
         Of the outputs since a time. For parts that nothing drives beyond their range now.
         """
+        import numpy as np
+
         from station.roles.base import ARRIVAL
 
         status = [row["status"][row[ARRIVAL] > from_s].astype(np.int64) for row in self._rows]
         if not any(len(word) for word in status):
             raise InstrumentError(
                 IMU,
-                f"record {self._unit}",
+                f"record {self.unit}",
                 "no output came during the whole record",
                 "check its cable and its power",
             )
@@ -130,7 +153,7 @@ class Sensing:
             if share > MOSTLY:
                 raise InstrumentError(
                     IMU,
-                    f"record {self._unit}",
+                    f"record {self.unit}",
                     f"its outputs say that {part} is not valid, {share:.0%} of them, and nothing "
                     "drives it beyond its range",
                     "switch it off and on; where it says the same again have it looked at",
@@ -139,109 +162,193 @@ class Sensing:
     def stop(self) -> None:
         """End the output and record the rest of it."""
         self._sensor.stop()
-        self.look()
+        self._run.read(self.take)
+
+
+def need_sensor_well(run: Run) -> None:
+    """Raise InstrumentError where the sensor says of itself that something is wrong."""
+    sensor = run.role(IMU, Imu)
+
+    def look() -> None:
+        if faults := sensor.status().faults:
+            raise InstrumentError(
+                IMU,
+                "asked for its status",
+                f"it reports {', '.join(faults)}",
+                "switch it off and on; where it reports the same again have it looked at",
+            )
+
+    run.read(look)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Whether the sensor stands as it should, why not, and in words as which other position."""
+
+    right: bool = True
+    why: str = ""
+    looks_like: str = ""
+
+
+Judge = Callable[["Array", "Array"], Judged]
+"""Judges a stand by the means of the gyros in deg/h and of the accelerometers in g, (3,) each."""
 
 
 def measure_position(run: Run, position: int, doing: str) -> None:
     """Measure one position; a wrong pose is measured again, and stays refused by the analysis."""
     parameters: NineAxisParameters = run.parameters
-    unit = position_unit(position)
-    if run.is_finished(unit):
-        return
-    run.may_pause()
+    unit, judge = position_unit(position), partial(judge_position, parameters, position)
     with run.unit(unit, position=position) as facts:
         for attempt in range(1, parameters.pose.attempts + 1):
             put(run, position, again=attempt > 1)
+            run.declare(Bounded(IMU, f"position {position}, {STANDS[position]}: record"))
             left = parameters.pose.attempts - attempt
-            from_s, until_s, pose = record_at_rest(run, position, doing, whole=left == 0)
+            time_s, whole = parameters.static_time_s, left == 0
+            from_s, until_s, pose = record_at_rest(run, unit, time_s, judge, doing, whole=whole)
             if pose.right:
                 break
             run.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
             then = "it is measured again" if left else "the record counts as of a wrong position"
-            run.say(f"    {unit}: {pose.why}{looks_like(pose)}; {then}")
+            run.say(f"    {unit}: {pose.why}{pose.looks_like}; {then}")
         facts.update(from_s=from_s, until_s=until_s, attempts=attempt, right=pose.right)
 
 
-def need_sensor_well(run: Run) -> None:
-    """Raise InstrumentError where the sensor says of itself that something is wrong."""
-    from station.roles import Imu
-
-    faults = run.role(IMU, Imu).status().faults
-    if faults:
-        raise InstrumentError(
-            IMU,
-            "asked for its status",
-            f"it reports {', '.join(faults)}",
-            "switch it off and on; where it reports the same again have it looked at",
-        )
+def lie(run: Run, word: str, doing: str) -> None:
+    """Measure one further pose; a direction that is not up is measured again, then the run ends."""
+    parameters: NineAxisParameters = run.parameters
+    unit, judge = pose_unit(word), partial(judge_direction, parameters, word)
+    with run.unit(unit, pose=word) as facts:
+        for attempt in range(1, parameters.pose.attempts + 1):
+            lay(run, word, again=attempt > 1)
+            run.declare(Bounded(IMU, f"{in_words(word)}: record"))
+            from_s, until_s, pose = record_at_rest(run, unit, parameters.pose_time_s, judge, doing)
+            if pose.right:
+                break
+            run.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
+            run.say(f"    {unit}: {pose.why}")
+        if not pose.right:
+            raise ConditionNotReached(
+                f"the sensor is to stand with {in_words(word)}; {pose.why}. Look how it stands, "
+                "and which of its axes is which"
+            )
+        facts.update(from_s=from_s, until_s=until_s, attempts=attempt)
 
 
 def record_at_rest(
-    run: Run, position: int, doing: str, *, whole: bool
-) -> tuple[float, float, Pose]:
-    """Record a position and judge it; returns begin and end of what counts, and the judgement.
+    run: Run, unit: str, lasts_s: float, judge: Judge, doing: str, *, whole: bool = False
+) -> tuple[float, float, Judged]:
+    """Record a stand and judge it; returns begin and end of what counts, and the judgement.
 
-    A pose that is wrong from the beginning ends the record at once, unless it is to be `whole`: it
-    is then the analysis that decides, with the biases free.
+    One that is wrong from the beginning ends the record at once, unless it is to be `whole`: it is
+    then the analysis that decides, with the biases free.
     """
     parameters: NineAxisParameters = run.parameters
-    sensing = Sensing(run, position_unit(position))
-    sensing.follow(run.now_s + parameters.static_settle_s, f"{doing}, it comes to rest")
+    sensing = Sensing(run, unit)
+    sensing.follow_to(run.now_s + parameters.static_settle_s, f"{doing}, it comes to rest")
     from_s = run.now_s
-    for lasts_s in (min(FIRST_LOOK_S, parameters.static_time_s), parameters.static_time_s):
-        sensing.follow(from_s + lasts_s, doing)
-        until_s = run.now_s
-        sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
-        limits = pose_limits(parameters)
-        pose = check_pose(position, *sensing.means(from_s), parameters.latitude_deg, limits)
-        if not pose.right and not whole:
-            break
-    sensing.follow(run.now_s + LATE_OUTPUTS_S, doing)
+
+    def look_twice() -> Judged:
+        for until_s in (from_s + min(FIRST_LOOK_S, lasts_s), from_s + lasts_s):
+            sensing.follow_to(until_s, doing)
+            sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
+            judged = judge(*sensing.means(from_s))
+            if not judged.right and not whole:
+                break
+        return judged
+
+    takes = exactly(lasts_s) + measured_again(parameters, lasts_s)
+    judged = run.read(look_twice, Judged(), takes, sensing.rates)
+    until_s = run.now_s
+    sensing.follow_to(run.now_s + LATE_OUTPUTS_S, doing)
     sensing.stop()
-    return from_s, until_s, pose
+    return from_s, until_s, judged
 
 
-def looks_like(pose: Pose) -> str:
-    """Return in words as which other position the sensor stands."""
-    return "" if pose.stands_as is None else f", as in position {pose.stands_as}"
+def measured_again(parameters: NineAxisParameters, lasts_s: float) -> Duration:
+    """Return the bench time of a stand beside its first record: a wrong one is measured again."""
+    way_s = on_the_way(MOVE_S).longest_s if parameters.positioning == "table" else 0.0
+    once_more_s = way_s + parameters.static_settle_s + lasts_s + LATE_OUTPUTS_S
+    return Duration(0.0, 0.0, (parameters.pose.attempts - 1) * once_more_s)
+
+
+def judge_position(
+    parameters: NineAxisParameters, position: int, gyro_deg_per_h: Array, acceleration_g: Array
+) -> Judged:
+    """Judge a position."""
+    from .pose import check_pose
+
+    limits = pose_limits(parameters)
+    latitude_deg = parameters.latitude_deg
+    pose = check_pose(position, gyro_deg_per_h, acceleration_g, latitude_deg, limits)
+    seems = "" if pose.stands_as is None else f", as in position {pose.stands_as}"
+    return Judged(pose.right, pose.why, seems)
+
+
+def judge_direction(
+    parameters: NineAxisParameters, word: str, gyro_deg_per_h: Array, acceleration_g: Array
+) -> Judged:
+    """Judge whether a direction points up as well as it should."""
+    from .pose import check_direction
+
+    up = up_of(word)
+    assert up is not None
+    edge_g = SIGMAS * math.radians(parameters.prior.edge_deg) if max(map(abs, up)) < 1.0 else 0.0
+    return Judged(*check_direction(up, acceleration_g, parameters.pose.acceleration_g + edge_g))
+
+
+def spin(parameters: NineAxisParameters, turn: Turn) -> AxisAtRate:
+    """Return the command that lets the vertical axis turn for a record."""
+    return AxisAtRate(
+        TURNTABLE,
+        "outer",
+        f"{turn.unit}: {turn.turns} turn{'s' if turn.turns > 1 else ''}",
+        parameters.table_axis,
+        UP_SENSE * turn.rate_deg_per_s,
+        decided_by=RATES,
+    )
 
 
 def turn(run: Run, turn: Turn, doing: str) -> None:
     """Record whole turns at one rate in one sense, spin-up and settling left out."""
-    from station.roles import Turntable
-
     parameters: NineAxisParameters = run.parameters
-    if run.is_finished(turn.unit):
-        return
-    run.may_pause()
     command = spin(parameters, turn)
-    table, axis = run.role(TURNTABLE, Turntable), command.axis_number(run.bench)
+    table, axis = run.role(TURNTABLE, Turntable), axis_of(run, command)
+    # To the rate, and from it to rest again.
+    way = on_the_way(abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2 + SETTLING_S / 2.0)
     with run.unit(
         turn.unit, axis=turn.axis, rate_deg_per_s=turn.rate_deg_per_s, turns=turn.turns
     ) as facts:
         sensing = Sensing(run, turn.unit)
         run.apply(command)
-        while not table.is_at_rate(axis):
-            sensing.follow(run.now_s + MOVING_LOOK_S, f"{doing}, the table spins up")
-        settled_s = run.now_s + parameters.settle_s
-        while run.now_s < settled_s:
-            ahead_s = min(run.now_s + MAX_READING_S, settled_s)
-            sensing.follow(ahead_s, f"{doing}, the rate settles")
-            table.is_at_rate(axis)  # raises where it does not keep it
+        settling = partial(spin_up, run, table, axis, sensing, doing)
+        run.read(settling, takes=way + exactly(parameters.settle_s), rates=sensing.rates)
         # The line is then free for the first reading as it is for all others.
-        sensing.follow(run.now_s + SHORTEST_READING_S, doing)
+        sensing.follow_to(run.now_s + SHORTEST_READING_S, doing)
         from_s = run.now_s
-        turned_deg = read_turns(run, turn, axis, sensing, doing)
+        turned_deg = run.read(
+            partial(read_turns, run, turn, axis, sensing, doing),
+            0.0,
+            exactly(turn.dwell_s + turn.reading_interval_s + EXTRA_S),
+            {**sensing.rates, TURNTABLE: 1.0 / turn.reading_interval_s},
+        )
         until_s = run.now_s
-        across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(turn.gyro)}
-        sensing.need_valid(from_s, across)
-        need_gyro_follows(turn, sensing, from_s, UP_SENSE * turned_deg / (until_s - from_s))
+        run.read(lambda: need_gyro_follows(turn, sensing, from_s, turned_deg / (until_s - from_s)))
         table.stop(axis)
-        sensing.follow(run.now_s + LATE_OUTPUTS_S, f"{doing}, the table stops")
+        stops = f"{doing}, the table stops"
+        sensing.follow_to(run.now_s + LATE_OUTPUTS_S, stops)
         sensing.stop()
-        while table.is_moving(axis):
-            run.clock.sleep(MOVING_LOOK_S)
+        come_to_rest(run, TURNTABLE, stops, axis=axis, every_s=MOVING_LOOK_S, takes=way)
         facts.update(from_s=from_s, until_s=until_s)
+
+
+def spin_up(run: Run, table: Turntable, axis: int, sensing: Sensing, doing: str) -> None:
+    """Wait until the table is at its rate, then until the rate has settled."""
+    while not table.is_at_rate(axis):
+        sensing.follow_to(run.now_s + MOVING_LOOK_S, f"{doing}, the table spins up")
+    settled_s = run.now_s + run.parameters.settle_s
+    while run.now_s < settled_s:
+        sensing.follow_to(min(run.now_s + MAX_READING_S, settled_s), f"{doing}, the rate settles")
+        table.is_at_rate(axis)  # raises where it does not keep it
 
 
 def read_turns(run: Run, turn: Turn, axis: int, sensing: Sensing, doing: str) -> float:
@@ -257,7 +364,7 @@ def read_turns(run: Run, turn: Turn, axis: int, sensing: Sensing, doing: str) ->
         left_s = (wanted_deg - abs(angle_deg - first_deg)) / abs(turn.rate_deg_per_s)
         turned = abs(angle_deg - first_deg) / FULL_TURN_DEG
         next_s = run.now_s + min(every_s, max(left_s, SHORTEST_READING_S))
-        sensing.follow(next_s, f"{doing}, turn {turned:.1f} of {turn.turns}")
+        sensing.follow_to(next_s, f"{doing}, turn {turned:.1f} of {turn.turns}")
         angle_deg = read_angle(run, turn.unit, axis)
         if run.now_s > gives_up_s:
             raise ConditionNotReached(
@@ -270,20 +377,22 @@ def read_turns(run: Run, turn: Turn, axis: int, sensing: Sensing, doing: str) ->
 
 def read_angle(run: Run, unit: str, axis: int) -> float:
     """Record what the encoder reads, with the times before and after it was asked for."""
-    from station.method.verbs import keep_row
-    from station.roles import Turntable
-
     asked_s = run.now_s
     angle_deg = run.role(TURNTABLE, Turntable).angle_deg(axis)
     keep_row(run, unit, TURNTABLE, TABLE_COLUMNS, angle_deg, asked_s)
     return angle_deg
 
 
-def need_gyro_follows(turn: Turn, sensing: Sensing, from_s: float, rate_deg_per_s: float) -> None:
-    """Raise ConditionNotReached where the gyro that is up does not feel the turns as they are.
+def need_gyro_follows(turn: Turn, sensing: Sensing, from_s: float, turned_deg_per_s: float) -> None:
+    """Raise InstrumentError or ConditionNotReached where the gyros do not feel the turns as such.
 
     A gyro that saturates is no reason: its samples are left out and flagged.
     """
+    import numpy as np
+
+    across = {part: bit for part, bit in GYRO_BITS.items() if not part.endswith(turn.gyro)}
+    sensing.need_valid(from_s, across)
+    rate_deg_per_s = UP_SENSE * turned_deg_per_s
     gyro, _ = sensing.means(from_s)
     felt = gyro / SECONDS_PER_HOUR
     own = float(felt[AXES.index(turn.gyro)])

@@ -3,23 +3,67 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from station import registry
+from station.procedure import Problem, RecordUse
 from station.report.numbers import format_duration, format_number
+from station.roles.turntable import unnamed_axes
 
 from .all_axes.outlook import expected_inertial, outlook_of_other_axes
 from .attitude import GyroGain, StaticMeans, solve_biases
 from .dataset import Array, Prior
-from .parameters import NineAxisParameters
+from .measuring import IMU
+from .parameters import FULL_TURN_DEG, NineAxisParameters
 from .parameters import Prior as PriorModel
+from .placing import RATES, TURNTABLE
 from .pose import EAST_AXIS, earth_rate, expected_rates, gravity_pattern
 
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+TURNED_DOWN = ("parameters", "turned_down_rates")
+RATE = "rate"
 SECONDS_PER_HOUR = 3600.0
 ACCELEROMETER_NOISE_G = 1e-5
 PPM = 1e6
+
+
+def records(parameters: NineAxisParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: the table's angle."""
+    return (RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg"),)
+
+
+def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield each rate that the sensor cannot follow, and what the bench does not say of its table.
+
+    A sensor's range is the bench file's `rate` limit of the imu.
+    """
+    table = bench.instruments.get(TURNTABLE)
+    if table is not None and parameters.positioning == "table":
+        for what in unnamed_axes(TURNTABLE, table.settings):
+            yield Problem(("parameters", "positioning"), f"{what}, or take positioning: plate")
+    sensor = bench.instruments.get(IMU)
+    if sensor is None:
+        return
+    driver = registry.load(registry.DRIVERS, sensor.driver)
+    if refusal := getattr(driver, "rates_said", lambda rate_Hz: "")(parameters.sample_rate_Hz):
+        yield Problem(("parameters", "sample_rate"), refusal)
+    range_deg_per_s = sensor.limits.get(RATE)
+    if range_deg_per_s is None:
+        return
+    turned_down = parameters.turned_down_rates_deg_per_s if parameters.turned_down else ()
+    for rate in (*parameters.rates_deg_per_s, *turned_down):
+        if rate >= range_deg_per_s:
+            yield Problem(
+                RATES if rate in parameters.rates_deg_per_s else TURNED_DOWN,
+                f"{rate:g} deg/s is not below the gyro's range on this bench, "
+                f"{range_deg_per_s:g} deg/s",
+            )
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import pytest
 from fog_fixture import BENCH, EARTH_DEG_PER_S, IDEAL, INNER, LATITUDE_DEG, MIDDLE, OUTER
 
 from procedures.nine_axis_calibration.directions import table_angles_deg
+from procedures.nine_axis_calibration.placing import POSES_DEG
 from procedures.nine_axis_calibration.pose import ATTITUDES
-from procedures.nine_axis_calibration.work import POSES_DEG
 from sim_instruments.bench import world_of
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.nine_axis import NineAxisBench

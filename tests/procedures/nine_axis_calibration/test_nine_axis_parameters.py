@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from procedures.nine_axis_calibration.outlook import expectation, outlook
+from procedures.nine_axis_calibration.outlook import check, expectation, outlook
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from station.files.lookup import PLANS, find
 from station.files.plan import read_plan
-from station.procedure import Procedures
+from station.method.run import EarlierProgress
+from station.procedure import Procedures, procedure_of
 
 PLAN = find(PLANS, "nine-axis-calibration")
 GIVEN = {"latitude": "39.9 deg"}
@@ -88,11 +89,25 @@ def test_what_to_expect_gets_better_with_time_and_with_a_flip() -> None:
 def test_the_bench_may_know_the_gyros_range(tmp_path: Path) -> None:
     from interlock_helpers import bench_from
 
-    from procedures.nine_axis_calibration.work import check
-
     text = (
         "bench: 1\nname: small\nsafe_state: []\ninstruments:\n"
         "  imu: {driver: operator-power, limits: {rate: 80 deg/s}}\n"
     )
     problems = list(check(parameters(), bench_from(text)))
     assert [one.what.split(" is ")[0] for one in problems] == ["100 deg/s"]
+
+
+def test_what_is_left_of_a_run_leaves_out_the_units_that_are_finished() -> None:
+    plan = read_plan(PLAN, Procedures())
+    procedure, units = procedure_of(plan.procedure), plan.parameters.units
+    whole = procedure.walk(plan.parameters)
+    assert whole.units == units
+    finished = {unit: dict[str, Any]() for unit in units}
+    made = {unit: finished[unit] for unit in units[:14]}
+    left = procedure.walk(plan.parameters, EarlierProgress(made))
+    assert left.units == units[14:]
+    assert left.duration("1b").longest_s == 0.0
+    words = [command.text for command in left.commands if hasattr(command, "text")]
+    assert not any(word.startswith("X") for word in words)  # its ten records are made
+    behind = procedure.walk(plan.parameters, EarlierProgress(finished))
+    assert behind.duration().longest_s == 0.0

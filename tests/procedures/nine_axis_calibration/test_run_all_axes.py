@@ -12,10 +12,10 @@ from campaigns.truths import number
 from plan_runs import run_of, shipped_bench, shipped_plan
 from test_run_nine_axis import SHORT
 
+from procedures.nine_axis_calibration import PROCEDURE
 from procedures.nine_axis_calibration.directions import ending, table_angles_deg, up_of
 from procedures.nine_axis_calibration.outlook import outlook
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
-from procedures.nine_axis_calibration.work import prompts
 from station.record.folder import RunFolder
 from station.runner.outcome import Outcome
 
@@ -190,7 +190,7 @@ def test_a_plan_by_hand_asks_for_each_direction_and_the_world_knows_them() -> No
 
     by_hand = {"latitude": "40 deg", "poses": ["-X", "X-Z"], "turned_down": ["-Y"]}
     parameters = NineAxisParameters.model_validate(by_hand)
-    asked = [prompt.id for prompt in prompts(parameters)]
+    asked = [prompt.id for prompt in PROCEDURE.walk(parameters).prompts]
     assert asked[3:5] == ["pose-X-down", "pose-X-up-Z-down"]
     assert asked[-1] == "mount-Y-down"
     assert {one.removeprefix("pose-") for one in asked[3:5]} <= set(DIRECTIONS)
