@@ -11,7 +11,6 @@ from ipaddress import IPv6Address, ip_address
 from threading import Thread
 from urllib.parse import urlsplit
 
-from station.files.faults import nearest
 from station.roles.can_addresses import can_address
 
 RESOLVES_WITHIN_S = 2.0
@@ -43,18 +42,6 @@ VISA_NAMES = {
 """What follows the kind in a resource name of VISA (VPP-4.3, 4.3.1), and an example of each."""
 VISA_KINDS = ("TCPIP", "GPIB", "USB", "ASRL", "VXI", "PXI", "VICP", "PRLGX-TCPIP", "PRLGX-ASRL")
 PORTED = ("socket", "rfc2217", "modbus-tcp", "socketcand")
-SCHEMES = (
-    "socket",
-    "rfc2217",
-    "loop",
-    "spy",
-    "hwgrep",
-    "cp2110",
-    "modbus-tcp",
-    "socketcand",
-    "can",
-)
-"""Those of a package's own driver are not known here."""
 SERIAL_PORT = re.compile(r"/.+|COM\d+|\\\\.\\.+", re.IGNORECASE)
 KINDS = (
     "a VISA resource such as 'TCPIP::192.168.3.11::5025::SOCKET', 'socket://host:port', "
@@ -63,92 +50,59 @@ KINDS = (
 )
 
 
-def why_unknown(address: str) -> tuple[str, str | None] | None:
-    """Return why an address is of no known kind, and what was probably meant; None where it is."""
+def why_unknown(address: str) -> str | None:
+    """Return why an address is of no known kind, and what to write; None where it is of one."""
     text = address.strip()
     what = f"'{address}' is no address of a known kind; write {KINDS}"
     scheme, is_url, rest = text.partition("://")
-    if is_url and scheme.lower() == "can":
-        return _why_no_can(text)
-    if is_url and scheme.lower() == "hwgrep":
-        return _why_no_pattern(text, rest)
-    if is_url and scheme.lower() in PORTED:
-        return _why_no_port(text, what)
     if is_url:
-        meant = None if scheme.lower() in SCHEMES else nearest(scheme.lower(), SCHEMES)
-        return (what, f"'{meant}://{rest}'") if meant else None
+        return _why_no_url(text, scheme.lower(), rest, what)
     kind, is_visa, rest = text.partition("::")
     if not is_visa:
-        return None if SERIAL_PORT.fullmatch(text) else (what, None)
+        return None if SERIAL_PORT.fullmatch(text) else what
     if re.fullmatch(r"TCPIP\d*", kind, re.IGNORECASE):
-        return _why_no_tcpip(text, what)
+        return None if _is_whole_tcpip(rest) else what
     if whole := next((name for name in VISA_NAMES if kind.upper().startswith(name)), None):
-        return _why_no_visa_name(text, *VISA_NAMES[whole])
-    if any(re.match(rf"{known}(\d*$|(?<=ASRL))", kind, re.IGNORECASE) for known in VISA_KINDS):
-        return None
-    meant = nearest(kind.upper().rstrip("0123456789"), VISA_KINDS)
-    return what, f"'{meant}::{rest}'" if meant else None
+        form, example = VISA_NAMES[whole]
+        why = f"'{text}' is no whole VISA resource name; write it as {example}"
+        return None if form.fullmatch(text) else why
+    known = any(re.match(rf"{name}(\d*$)", kind, re.IGNORECASE) for name in VISA_KINDS)
+    return None if known else what
 
 
-def _why_no_visa_name(
-    text: str, form: re.Pattern[str], example: str
-) -> tuple[str, str | None] | None:
-    """Return why a resource name of VISA is not well formed, and what was probably meant."""
-    if form.fullmatch(text):
-        return None
-    body, _, last = text.rpartition("::")
-    meant = nearest(last.upper(), ("INSTR",))
-    whole = meant and form.fullmatch(f"{body}::{meant}")
-    what = f"'{text}' is no whole VISA resource name; write it as {example}"
-    return what, f"'{body}::{meant}'" if whole else None
+def _is_whole_tcpip(rest: str) -> bool:
+    """Whether a VISA resource name has a host, of a socket with its port."""
+    host, *ends = rest.split("::") if "[" not in rest else re.split(r"::(?![^\[]*\])", rest)
+    if ends and ends[-1].upper() not in ("SOCKET", "INSTR"):
+        return False
+    if not host or (":" in host and "[" not in host):
+        return False
+    if ends[-1:] and ends[-1].upper() == "SOCKET":
+        return len(ends) == 2 and ends[0].isdecimal() and 0 < int(ends[0]) < 1 << 16
+    return True
 
 
-def _why_no_tcpip(text: str, what: str) -> tuple[str, str | None] | None:
-    """Return why a VISA address of a host is not whole, and what was probably meant."""
-    kind, host, *rest = text.split("::") if "[" not in text else re.split(r"::(?![^\[]*\])", text)
-    if rest and nearest(rest[-1].upper(), ("SOCKET", "INSTR")) not in (None, rest[-1].upper()):
-        meant = nearest(rest[-1].upper(), ("SOCKET", "INSTR"))
-        return what, f"'{'::'.join((kind, host, *rest[:-1], str(meant)))}'"
-    name, colon, port = host.partition(":")
-    if colon and "[" not in host:
-        return what, f"'{kind}::{name}::{port}::SOCKET'"
-    if rest[-1:] and rest[-1].upper() == "SOCKET":
-        is_port = len(rest) == 2 and rest[0].isdecimal() and 0 < int(rest[0]) < 1 << 16
-        return None if host and is_port else (what, None)
-    return None if host else (what, None)
-
-
-def _why_no_can(text: str) -> tuple[str, str | None] | None:
-    """Return why the address of a CAN interface is wrong; the sentence says what to write."""
-    try:
-        can_address(text)
-    except ValueError as error:
-        return f"'{text}' is no CAN address: {error}", None
+def _why_no_url(text: str, scheme: str, rest: str, what: str) -> str | None:
+    """Return why a URL is not whole: its scheme, host, port, or the channel of a CAN bus."""
+    if scheme == "can":
+        try:
+            can_address(text)
+        except ValueError as error:
+            return f"'{text}' is no CAN address: {error}"
+    elif scheme == "hwgrep":  # options follow a `&`
+        try:
+            re.compile(rest.partition("&")[0])
+        except re.error as error:
+            wrong = f"what follows hwgrep:// is no regular expression ({error})"
+            return f"'{text}' is no address: {wrong}"
+    elif scheme in PORTED:
+        with suppress(ValueError):
+            parts = urlsplit(text)
+            port = parts.port or DEFAULT_PORTS.get(scheme)
+            if parts.hostname and port and (scheme != "socketcand" or len(parts.path) > 1):
+                return None
+        return what
     return None
-
-
-def _why_no_pattern(text: str, rest: str) -> tuple[str, str | None] | None:
-    """Return why an adapter cannot be looked for by its identity; options follow a `&`."""
-    try:
-        re.compile(rest.partition("&")[0])
-    except re.error as error:
-        return (
-            f"'{text}' is no address: what follows hwgrep:// is no regular expression ({error})",
-            None,
-        )
-    return None
-
-
-def _why_no_port(text: str, what: str) -> tuple[str, str | None] | None:
-    """Return why a URL is not whole: host, port, and the channel of a CAN bus."""
-    scheme = text.partition("://")[0].lower()
-    try:
-        parts = urlsplit(text)
-        port = parts.port or DEFAULT_PORTS.get(scheme)
-    except ValueError:
-        return what, None
-    channel = scheme != "socketcand" or len(parts.path) > 1
-    return None if parts.hostname and port and channel else (what, None)
 
 
 def forms_of(address: str) -> frozenset[str]:

@@ -314,7 +314,7 @@ def _address_faults(document: Document) -> Iterator[Fault]:
         address = entry.get("address") if isinstance(entry, dict) else None
         wrong = why_unknown(address) if isinstance(address, str) and address else None
         if wrong is not None:
-            yield document.fault(("instruments", name, "address"), *wrong)
+            yield document.fault(("instruments", name, "address"), wrong)
 
 
 def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault]:

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from station.method.prompts import Prompt
     from station.procedure import Procedure
 
-BALLAST_BYTES = 16_000_000
-"""Memory that is given back when a run fails, so that making the bench safe has some."""
 READS_THE_REST_WITHIN_S = 20.0
 """Real time without a sign of life while all is read once more and settings are put back."""
 
@@ -87,7 +85,6 @@ class StepRunner:
         self._stillness: StallWatch | None = None
         self._folder_watch: FolderWatch | None = None
         self._making_safe = run.clock.lock("the safe state")
-        self._ballast = bytearray(BALLAST_BYTES)
         self._failed_s = 0.0
 
     def go(self, outcome: Outcome) -> None:
@@ -122,7 +119,6 @@ class StepRunner:
                     run.do(step.number, step.title, expected_s, step.body)
                 outcome.exit_code = 0
             except Exception as error:  # a bug in a step must still leave a safe bench
-                self._ballast.clear()
                 failure = error
             finally:
                 if self._folder_watch is not None:

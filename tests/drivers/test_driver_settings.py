@@ -386,25 +386,21 @@ def test_settings_that_raise_are_a_fault_of_their_driver(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(
-    ("address", "meant"),
+    "address",
     [
-        ("TCPIP::192.0.2.1::5025::SOCKT", "TCPIP::192.0.2.1::5025::SOCKET"),
-        ("TCPIP::192.0.2.1:5025::SOCKET", "TCPIP::192.0.2.1::5025::SOCKET"),
-        ("TCPIP::192.0.2.1::99999::SOCKET", None),
-        ("TCPIP::::5025::SOCKET", None),
-        ("socketcand://192.0.2.1:29536", None),
-        ("socketcand://192.0.2.1:x/can0", None),
-        ("modbus-tcp://", None),
-        ("socket://192.0.2.1", None),
-        ("hwgrep://(0403", None),
+        "TCPIP::192.0.2.1::5025::SOCKT",
+        "TCPIP::192.0.2.1:5025::SOCKET",
+        "TCPIP::192.0.2.1::99999::SOCKET",
+        "TCPIP::::5025::SOCKET",
+        "socketcand://192.0.2.1:29536",
+        "socketcand://192.0.2.1:x/can0",
+        "modbus-tcp://",
+        "socket://192.0.2.1",
+        "hwgrep://(0403",
     ],
 )
-def test_an_address_without_host_port_channel_or_whole_pattern_is_refused(
-    address: str, meant: str | None
-) -> None:
-    found = why_unknown(address)
-    assert found is not None
-    assert found[1] == (meant and f"'{meant}'")
+def test_an_address_without_host_port_channel_or_whole_pattern_is_refused(address: str) -> None:
+    assert why_unknown(address) is not None
 
 
 @pytest.mark.parametrize(

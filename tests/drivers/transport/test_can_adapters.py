@@ -126,7 +126,7 @@ def test_frames_go_over_an_slcan_adapter_on_a_serial_port() -> None:
 )
 def test_a_wrong_can_address_is_refused_with_what_to_write(address: str, says: str) -> None:
     found = why_unknown(address)
-    assert found is not None and says in found[0]
+    assert found is not None and says in found
     with pytest.raises(InstrumentError, match="in the bench file"):
         CanLine(Place("board", address, RealClock()), {})
 

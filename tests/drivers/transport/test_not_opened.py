@@ -84,23 +84,21 @@ def test_a_refused_connection_is_nobody_who_answers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("address", "meant"),
+    "address",
     [
-        ("GPIB0::31::INSTR", None),
-        ("GPIB0::x::INSTR", None),
-        ("GPIB0::INSTR", None),
-        ("GPIB0::22::INSTRR", "'GPIB0::22::INSTR'"),
-        ("USB0::0x2A8D::MY1::INSTR", None),
-        ("USB0::0x2A8D::0x0101::MY1::INST", "'USB0::0x2A8D::0x0101::MY1::INSTR'"),
-        ("ASRL::INSTR", None),
-        ("ASRL/dev/ttyUSB0::INSR", "'ASRL/dev/ttyUSB0::INSTR'"),
+        "GPIB0::31::INSTR",
+        "GPIB0::x::INSTR",
+        "GPIB0::INSTR",
+        "GPIB0::22::INSTRR",
+        "USB0::0x2A8D::MY1::INSTR",
+        "USB0::0x2A8D::0x0101::MY1::INST",
+        "ASRL::INSTR",
+        "ASRL/dev/ttyUSB0::INSR",
     ],
 )
-def test_a_malformed_resource_name_is_refused(address: str, meant: str | None) -> None:
-    found = why_unknown(address)
-    assert found is not None
-    assert "is no whole VISA resource name; write it as" in found[0]
-    assert found[1] == meant
+def test_a_malformed_resource_name_is_refused(address: str) -> None:
+    why = why_unknown(address)
+    assert why is not None and "is no whole VISA resource name; write it as" in why
 
 
 @pytest.mark.parametrize(
