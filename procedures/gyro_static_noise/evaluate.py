@@ -12,7 +12,7 @@ from .dataset import AnalysisSettings
 from .from_import import dataset_of_import
 from .from_record import dataset_of_run
 from .parameters import StaticParameters
-from .work import GYRO
+from .steps import GYRO
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -12,7 +12,7 @@ from procedures.estimation.pulses import pulses_of
 
 from .dataset import Record, StaticDataset
 from .parameters import StaticParameters
-from .work import GYRO
+from .steps import GYRO
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

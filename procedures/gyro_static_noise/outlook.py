@@ -1,51 +1,18 @@
-"""What a run commands and records, and what it says beforehand."""
+"""What a plan determines, and how well, before anything moves."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from station.method.commands import GyroSampling, Power
-from station.method.work import Rows, Work
 from station.procedure import RecordUse
 
-from .parameters import StaticParameters, unit_of
+from .parameters import StaticParameters
+from .steps import GYRO
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
-
-GYRO, POWER = "gyro_acquisition", "dut_power"
-MAIN, AGAIN, OFF = "3", "4", "5"
-LATE_S = 2.0
-"""A record lasts so much longer than its samples, which come late."""
-
-
-def instruments(parameters: StaticParameters) -> tuple[str, ...]:
-    """Return the bench instances that a plan needs."""
-    return (GYRO, POWER)
-
-
-def sampling(parameters: StaticParameters) -> GyroSampling:
-    """Return how the gyro is read out."""
-    return GyroSampling(GYRO, parameters.sample_interval_s, parameters.channel)
-
-
-def work(parameters: StaticParameters) -> Iterator[Work]:
-    """Yield each switch-on with its record, and the end."""
-    for number, record_s in enumerate(parameters.lengths_s, 1):
-        before_s = parameters.warm_up_s + (parameters.cool_s if number > 1 else 0.0)
-        powered: tuple[Power, ...] = (Power(POWER, True),)
-        if number > 1:
-            powered = (Power(POWER, False), *powered)
-        yield Work(
-            MAIN if number == 1 else AGAIN,
-            unit_of(number),
-            (*powered, sampling(parameters)),
-            (Rows(GYRO, record_s, record_s / parameters.sample_interval_s),),
-            before_s + record_s + LATE_S,
-        )
-    yield Work(OFF, commands=(Power(POWER, False),))
 
 
 def records(parameters: StaticParameters, bench: Bench) -> tuple[RecordUse, ...]:
