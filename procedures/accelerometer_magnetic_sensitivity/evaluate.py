@@ -17,11 +17,18 @@ from station.findings import Covariance, Findings, Flag, InputQuantity, findings
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
 from .from_import import dataset_of_import
-from .measuring import AXIS_COLUMN, T_PER_MT, finished_points
+from .measuring import (
+    AXIS_COLUMN,
+    FULL_TURN_DEG,
+    GAUSSMETER,
+    MULTIMETER,
+    STAGE,
+    T_PER_MT,
+    THERMOMETER,
+)
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, Point
 from .settings import AnalysisSettings
-from .work import FULL_TURN_DEG, GAUSSMETER, MULTIMETER, STAGE, THERMOMETER
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -94,7 +101,7 @@ def dataset_of_run(
     lists.
     """
     units = folder.finished_units()
-    points = finished_points(units, parameters.points)
+    points = [point for point in parameters.points if point.unit in units]
     rows = [row_of_point(folder, point, parameters, bench) for point in points]
     time_s, angle_deg, field_T, output_V, temperature_degC = np.array(rows).reshape(-1, 5).T
     order = np.argsort(time_s, kind="stable")

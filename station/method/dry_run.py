@@ -257,9 +257,9 @@ class DryRun(Run):
         return result
 
     def count_rows(self, instrument: str, rows: float) -> None:
-        """Take note of rows."""
+        """Take note of rows, which come with one look at the source."""
         self._instruments[instrument] = None
-        self._note(rows=(Rows(instrument, 0.0, rows),))
+        self._note(rows=(Rows(instrument, POLL_S, rows),))
 
     def wait(self, seconds: float, detail: str = "") -> None:
         """Let expected time pass."""

@@ -67,14 +67,22 @@ def keep(run: Run, unit: str, source: SampledSource | Burst, block: Block) -> ND
 def keep_row(
     run: Run, unit: str, instrument: str, columns: Mapping[str, str], *values: float
 ) -> None:
-    """Record one row of numbers that an instrument was asked for, with the time of now."""
-    import numpy as np
+    """Record one row of numbers that an instrument was asked for, with the time of now.
 
-    from station.roles.base import ARRIVAL
+    A dry run counts the row: what the instrument would say may be given as it is.
+    """
 
-    names = [(name, np.float64) for name in (*columns, ARRIVAL)]
-    row = np.array([(*values, run.now_s)], dtype=names)
-    run.keep_rows(instrument, unit, columns, row)
+    def act() -> None:
+        import numpy as np
+
+        from station.roles.base import ARRIVAL
+
+        names = [(name, np.float64) for name in (*columns, ARRIVAL)]
+        row = np.array([(*values, run.now_s)], dtype=names)
+        run.keep_rows(instrument, unit, columns, row)
+
+    run.count_rows(instrument, 1)
+    run.read(act)
 
 
 class Recording:
