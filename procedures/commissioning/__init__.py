@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError
 from station.method.run import Run
-from station.method.work import Work
 from station.procedure import (
     LazyImport,
     Problem,
     Procedure,
-    Prompt,
     RecordUse,
     ResultKind,
     Step,
@@ -28,8 +26,7 @@ from .coils import COIL_PART
 from .contacts import CONTACT_PART
 from .drift import drift_axes, unlike
 from .gyro import GYRO_PART
-from .lines import LINES_PART
-from .lines.work import records_of_asked
+from .lines import LINES_PART, records_of_asked
 from .motion import MOTION_PART
 from .parameters import CommissioningParameters
 from .parts import Part
@@ -67,34 +64,14 @@ def chosen(parameters: CommissioningParameters) -> Iterator[tuple[Part, Any]]:
             yield part, getattr(parameters, part.name)
 
 
-def instruments(parameters: CommissioningParameters) -> tuple[str, ...]:
-    """Return the bench instances that are commissioned."""
-    names = [name for part, own in chosen(parameters) for name in part.instruments(own)]
-    return tuple(dict.fromkeys(names))
-
-
-def work(parameters: CommissioningParameters) -> Iterator[Work]:
-    """Yield the work of each part."""
-    for part, own in chosen(parameters):
-        yield from part.work(own)
-
-
-def prompts(parameters: CommissioningParameters) -> tuple[Prompt, ...]:
-    """Return what the operator is asked to do, each act once."""
-    asked = (prompt for part, own in chosen(parameters) for prompt in part.prompts(own))
-    return tuple(dict.fromkeys(asked))
-
-
 def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analyses take of calibration records."""
     uses = [use for part, own in chosen(parameters) for use in part.records(own, bench)]
-    measured = {
-        name
-        for part, own in chosen(parameters)
-        if part not in (LINES_PART, CLOCK_PART)
-        for name in part.instruments(own)
-    }
-    only_asked = [name for name in instruments(parameters) if name not in measured]
+    used = {part.name: part.instruments(parameters) for part, _ in chosen(parameters)}
+    asking = {LINES_PART.name, CLOCK_PART.name}
+    measured = {name for part, names in used.items() if part not in asking for name in names}
+    asked = dict.fromkeys(name for part in asking & set(used) for name in used[part])
+    only_asked = [name for name in asked if name not in measured]
     return (*uses, *records_of_asked(only_asked, bench))
 
 
@@ -185,12 +162,9 @@ PROCEDURE = Procedure(
         DRIFT: ResultKind(drift_axes(PARTS), "1"),
     },
     steps=tuple(steps()),
-    instruments=instruments,
     records=records,
-    prompts=prompts,
     check=check,
     **usual_modules(__name__),
-    work=work,
     measured_axes=measured_axes,
     fits=fits,
     files=LazyImport(f"{__name__}.evaluate:files_of_run"),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from station.errors import InstrumentError
+from station.method.duration import on_the_way
 from station.procedure import Prompt
 from station.roles import DirectCurrentSupply, MadeSafe, RotaryStage, Turntable
 
 if TYPE_CHECKING:
     from station.method.run import Run
 
-WITHIN_S = 30.0
+WITHIN_S, USUALLY_S = 30.0, 1.0
 
 
 def ask_at_rest(run: Run, prompt: Prompt) -> None:
@@ -26,6 +28,11 @@ def ask_at_rest(run: Run, prompt: Prompt) -> None:
 
 def bring_to_rest(run: Run) -> None:
     """Make all that turns or carries a coil's current safe; InstrumentError where one is not."""
+    run.read(partial(make_all_safe, run), takes=on_the_way(USUALLY_S))
+
+
+def make_all_safe(run: Run) -> None:
+    """Make safe what the run has opened, one after the other, and read that back."""
     for name, instrument in run.instruments.items():
         if not isinstance(instrument, Turntable | RotaryStage | DirectCurrentSupply):
             continue

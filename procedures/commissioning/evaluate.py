@@ -47,8 +47,7 @@ def findings_of_run(
     folder: RunFolder, parameters: CommissioningParameters, bench: Bench
 ) -> Findings:
     """Return the figures and causes of every part that was recorded, and what has drifted."""
-    walked = [(part, own, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
-    parts = [(part, findings) for part, _, findings in walked]
+    parts = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
     estimates = [estimate for _, findings in parts for estimate in findings.estimates]
     flags = [flag for _, findings in parts for flag in findings.flags]
     estimates.append(named_causes(flags))
@@ -56,7 +55,7 @@ def findings_of_run(
     if untried:
         message = f"Not tried: {'; '.join(untried)}."
         flags.append(Flag(NOT_TRIED, message, details={"checks": list(untried)}))
-    open_causes = {part.name: causes_touching(part, walked) for part, _ in parts}
+    open_causes = {part.name: causes_touching(part, parts, parameters) for part, _ in parts}
     written = read_yaml(folder.path / BENCH_AS_WRITTEN)
     changes = tuple(
         change
@@ -116,14 +115,16 @@ def left_out(parameters: CommissioningParameters, bench: Bench) -> tuple[str, ..
     return () if parameters.watch else tuple({*possible} - {*parameters.checks})
 
 
-def causes_touching(part: Part, parts: Sequence[tuple[Part, Any, Findings]]) -> list[str]:
+def causes_touching(
+    part: Part, parts: Sequence[tuple[Part, Findings]], parameters: CommissioningParameters
+) -> list[str]:
     """Return the causes, named or undecided, that may falsify the figures of a part.
 
     Its own, and those of every part that measures with one of its instruments.
     """
-    own = next(set(p.instruments(parameters)) for p, parameters, _ in parts if p is part)
+    own = set(part.instruments(parameters))
     codes: dict[str, None] = {}
-    for other, parameters, findings in parts:
+    for other, findings in parts:
         touches = other is part or (other.touches and own & set(other.instruments(parameters)))
         if touches:
             codes |= {f.code: None for f in findings.flags if f.code not in other.may_stand}

@@ -6,18 +6,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from station.method.work import Work
+from station.method.dry_run import DryRun
 from station.procedure import (
     LazyImport,
     Problem,
-    Prompt,
     RecordUse,
     ResultKind,
     Step,
     every_axis,
     no_lines,
     no_problem,
-    no_prompts,
     no_records,
 )
 
@@ -34,8 +32,8 @@ def all_tried(parameters: Any) -> Mapping[str, str]:
 class Part:
     """Checks of one kind. All but `fits` get the part's own parameters, `parameters.<name>`.
 
-    results: name to axes and unit of its figures; instruments, work, prompts, records, check: as
-    in `Procedure`, for these steps alone; findings(folder, parameters, bench): the figures and
+    results: name to axes and unit of its figures; records, check: as in `Procedure`, for these
+    steps alone; findings(folder, parameters, bench): the figures and
     causes of a record; is_possible(bench): whether a bench has the instruments for it;
     fits(bench): overrides by which `station commission` fits the plan to a bench;
     drift: results that a weekly check watches, to what they may change, in their units;
@@ -50,11 +48,8 @@ class Part:
     name: str
     steps: tuple[Step, ...]
     results: Mapping[str, ResultKind]
-    instruments: Callable[[Any], tuple[str, ...]]
-    work: Callable[[Any], Iterable[Work]]
     findings: LazyImport
     is_possible: Callable[[Bench], bool]
-    prompts: Callable[[Any], tuple[Prompt, ...]] = no_prompts
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
     check: Callable[[Any, Bench], Iterator[Problem]] = no_problem
     fits: Callable[[Bench], Iterable[str]] = no_lines
@@ -65,3 +60,7 @@ class Part:
     may_stand: frozenset[str] = frozenset()
     touches: bool = True
     not_tried: Callable[[Any], Mapping[str, str]] = all_tried
+
+    def instruments(self, parameters: Any) -> tuple[str, ...]:
+        """Return the bench instances that the steps use, by the parameters of a commissioning."""
+        return DryRun(parameters).walk(self.steps).instruments

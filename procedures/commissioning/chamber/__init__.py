@@ -8,8 +8,7 @@ from procedures.commissioning.parts import Part
 from station.procedure import LazyImport
 
 from .parameters import RESULTS
-from .steps import STEPS, prompts
-from .work import CHAMBER, NAVIGATOR, POWER, instruments, work
+from .steps import CHAMBER, NAVIGATOR, POWER, STEPS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -24,9 +23,6 @@ CHAMBER_PART = Part(
     name="chamber",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
 )

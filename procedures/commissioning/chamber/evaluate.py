@@ -12,7 +12,7 @@ from station.roles.base import ARRIVAL
 
 from .analysis import ChamberDataset, analyse
 from .parameters import AXES, RESULTS, STEPPED, UNIT, ChamberParameters
-from .work import CHAMBER, LOOK_S, NAVIGATOR
+from .steps import CHAMBER, LOOK_S, NAVIGATOR
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

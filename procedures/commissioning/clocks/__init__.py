@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.commissioning.coils.work import GAUSSMETER
+from procedures.commissioning.coils.steps import GAUSSMETER
 from procedures.commissioning.parts import Part
 from station import registry
 from station.procedure import LazyImport
 
 from .parameters import RESULTS
-from .steps import STEPS, instruments, work
+from .steps import STEPS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -28,8 +28,6 @@ CLOCK_PART = Part(
     name="clocks",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     drift={"gaussmeter_clock_error": 50.0},

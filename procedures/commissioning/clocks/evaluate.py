@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.commissioning.coils.work import GAUSSMETER
+from procedures.commissioning.coils.steps import GAUSSMETER
 from procedures.commissioning.not_measured import not_measured
 from station.findings import Analysis, Findings, findings_of
 

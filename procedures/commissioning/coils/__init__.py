@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import LazyImport
+from station.procedure import LazyImport, Problem, RecordUse
 
 from .limits import DRIFT
-from .parameters import COILS, RESULTS
-from .steps import STEPS, prompts
-from .work import GAUSSMETER, check, instruments, records, supply_of, work
+from .parameters import COILS, RESULTS, CoilParameters
+from .steps import GAUSSMETER, STEPS, supply_of
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -33,13 +32,30 @@ def fits(bench: Bench) -> Iterator[str]:
         yield "parameters.coils.turn_probe=true"
 
 
+def records(parameters: CoilParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: the gaussmeter's gain, zero, angle."""
+    return (
+        RecordUse(GAUSSMETER, "field", parameters.field_mT, "mT", corrected=False),
+        RecordUse(GAUSSMETER, "angle", 0.0, "deg", needed=False, corrected=False),
+    )
+
+
+def check(parameters: CoilParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield that a probe of one axis has to be turned."""
+    gaussmeter = bench.instruments.get(GAUSSMETER)
+    if gaussmeter is None or registry.why_not(registry.DRIVERS, gaussmeter.driver):
+        return
+    if registry.load(registry.DRIVERS, gaussmeter.driver).axes == 1 and not parameters.turn_probe:
+        yield Problem(
+            ("parameters", "coils", "turn_probe"),
+            f"the gaussmeter ({gaussmeter.driver}) measures one axis; write `turn_probe: true`",
+        )
+
+
 COIL_PART = Part(
     name="coils",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     records=records,
     check=check,
     findings=LazyImport(f"{__name__}.evaluate:findings"),

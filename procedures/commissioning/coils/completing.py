@@ -11,7 +11,7 @@ from station.findings import Findings
 from .analysis import GAIN
 from .limits import COVERAGE
 from .parameters import COILS
-from .work import supply_of
+from .steps import supply_of
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -19,7 +19,7 @@ from station.units import parse_as
 
 from .analysis import ANGLE, GAIN, ZERO, CoilDataset, CoilFields, Mean, analyse, mean_of
 from .parameters import COILS, RESULTS, CoilParameters, ambient_unit
-from .work import GAUSSMETER, supply_of
+from .steps import GAUSSMETER, supply_of
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from station.method.commands import CoilOff, CoilOn
-from station.method.verbs import Follower, keep_row, require_off
+from station.method.commands import CoilOff, CoilOn, FieldRange, SteadyField
+from station.method.duration import on_the_way
+from station.method.run import Run
+from station.method.verbs import Recording, keep_row, require_off
 from station.procedure import Prompt, Step
 from station.roles import DirectCurrentSupply, Gaussmeter
 
 from .parameters import COILS, CoilParameters, CoilRecord, ambient_unit
-from .work import GAUSSMETER, coil_field, field_range, supply_of
 
-if TYPE_CHECKING:
-    from station.method.run import Run
-
+GAUSSMETER = "gaussmeter"
+FIELD = ("parameters", "coils", "field")
+RANGE_HEADROOM, EARTH_FIELD_MT = 1.5, 0.1
+RANGE_S, RAMP_S = 0.5, 1.0
+LOOK_S = 0.5
+"""A gaussmeter that keeps no readings gives ten in a record of five seconds."""
 CURRENT_COLUMNS = {
     "current_A": "A, read back",
     "commanded_A": "A, set-point by the bench's coil constant",
@@ -26,25 +28,16 @@ PLACE_PROBE = Prompt(
 )
 
 
-def prompts(parameters: CoilParameters) -> tuple[Prompt, ...]:
-    """Return what the operator is asked to do."""
-    return (PLACE_PROBE,)
-
-
 def ambient(run: Run) -> None:
     """C1: limits into the supplies, then the field with all coils off."""
     run.ask(PLACE_PROBE)
     parameters: CoilParameters = run.parameters.coils
     for coil in COILS:
         run.role(supply_of(coil), DirectCurrentSupply).programme_limits()
-    for along in parameters.directions:
-        unit = ambient_unit(along)
-        if run.is_finished(unit):
-            continue
-        run.may_pause()
-        run.apply(field_range(parameters, along))
-        with run.unit(unit):
-            follow_field(run, unit)
+    for along in run.unfinished(parameters.directions, ambient_unit):
+        run.apply(field_range(parameters, along), takes=on_the_way(RANGE_S))
+        with run.unit(ambient_unit(along)):
+            follow_field(run, ambient_unit(along), parameters.settle_s, parameters.record_s)
 
 
 def coils(run: Run) -> None:
@@ -64,38 +57,60 @@ def coils(run: Run) -> None:
                     measure(run, record)
 
 
-def measure(run: Run, record: CoilRecord) -> None:
-    """Record the field of one coil, and the current that its supply reads back."""
-    supply = supply_of(record.coil)
-    if record.state == "off":
-        run.apply(CoilOff(supply))
-        require_off(run, supply)
-    else:
-        run.apply(coil_field(record))
-    if run.is_finished(record.unit):
-        return
-    with run.unit(record.unit):
-        if record.state != "off":
-            source = run.role(supply, DirectCurrentSupply)
-            commanded_A = record.field_mT / source.coil_constant_mT_per_A
-            keep_row(run, record.unit, supply, CURRENT_COLUMNS, source.current_A(), commanded_A)
-        follow_field(run, record.unit)
-
-
-def follow_field(run: Run, unit: str) -> None:
-    """Wait until what was averaged before is past, then record the field."""
-    parameters: CoilParameters = run.parameters.coils
-    gaussmeter = run.role(GAUSSMETER, Gaussmeter)
-    run.wait(parameters.settle_s, unit)
-    gaussmeter.drain()
-    until_s = run.now_s + parameters.record_s
-    Follower(run, {GAUSSMETER: gaussmeter}).follow(until_s, unit, unit, LOOK_S)
-
-
-LOOK_S = 0.5
-"""A gaussmeter that keeps no readings gives ten in a record of five seconds."""
-
 STEPS = (
     Step("C1", "Ambient field and its noise, all coils off", ambient),
     Step("C2", "Coils: polarity, axis, constant, cross-axis, output off", coils),
 )
+
+
+def supply_of(coil: str) -> str:
+    """Return the supply of a coil."""
+    return f"coil_supply.{coil}"
+
+
+def field_range(parameters: CoilParameters, along: str) -> FieldRange:
+    """Return the range of the probe along a direction; the ambient field adds to the coil's."""
+    range_mT = RANGE_HEADROOM * (parameters.field_mT + EARTH_FIELD_MT)
+    turned = along if parameters.turn_probe else None
+    return FieldRange(GAUSSMETER, range_mT, turned, decided_by=FIELD)
+
+
+def coil_field(record: CoilRecord) -> SteadyField:
+    """Return the steady field of a record."""
+    return SteadyField(supply_of(record.coil), record.field_mT, decided_by=FIELD)
+
+
+def measure(run: Run, record: CoilRecord) -> None:
+    """Record the field of one coil, and the current that its supply reads back.
+
+    A coil is driven as before where the record is finished: what follows is measured after that.
+    """
+    if run.is_finished(record.unit):
+        drive(run, record)
+        return
+    supply, parameters = supply_of(record.coil), run.parameters.coils
+    with run.toward(record.unit):
+        drive(run, record)
+        with run.unit(record.unit):
+            if record.state != "off":
+                source = run.role(supply, DirectCurrentSupply)
+                commanded_A = run.read(lambda: record.field_mT / source.coil_constant_mT_per_A)
+                current_A = source.current_A()
+                keep_row(run, record.unit, supply, CURRENT_COLUMNS, current_A, commanded_A)
+            follow_field(run, record.unit, parameters.settle_s, parameters.record_s)
+
+
+def drive(run: Run, record: CoilRecord) -> None:
+    """Bring a coil to the field of a record, or off and proven so."""
+    if record.state != "off":
+        run.apply(coil_field(record), takes=on_the_way(RAMP_S))
+        return
+    run.apply(CoilOff(supply_of(record.coil)), takes=on_the_way(RAMP_S))
+    require_off(run, supply_of(record.coil))
+
+
+def follow_field(run: Run, unit: str, settle_s: float, record_s: float) -> None:
+    """Wait until what was averaged before is past, then record the field."""
+    run.wait(settle_s, unit)
+    run.role(GAUSSMETER, Gaussmeter).drain()
+    Recording(run, unit, {GAUSSMETER: None}).follow(record_s, unit, every_s=LOOK_S)

@@ -9,7 +9,7 @@ from procedures.commissioning.parts import Part
 from station.procedure import LazyImport
 
 from .parameters import CHAIN, CHAIN_ERRORS, CHAMBER, DOOR_ERRORS, RESULTS, ContactParameters
-from .steps import DOOR, STEPS, instruments, prompts, work
+from .steps import DOOR, STEPS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -73,9 +73,6 @@ CONTACT_PART = Part(
     name="contacts",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,

@@ -6,16 +6,16 @@ can harm reads back as off.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from procedures.commissioning.at_rest import bring_to_rest
+from station.method.duration import on_the_way
+from station.method.run import Run
 from station.procedure import Prompt
 from station.roles.interlock_chain import InterlockChain, SeesContacts
 
 from .parameters import CHAIN, ContactParameters, chain_unit
 
-if TYPE_CHECKING:
-    from station.method.run import Run
+CLOSES_S = 5.0
+"""Until all that see a contact have seen it closed."""
 
 
 def chain_prompts(contact: str) -> tuple[Prompt, Prompt]:
@@ -39,21 +39,16 @@ def seen_by(contact: str, instruments: tuple[str, ...]) -> dict[str, str]:
 def chain(run: Run) -> None:
     """I2: a person opens and closes each contact; the chain is read."""
     parameters: ContactParameters = run.parameters.contacts
-    for contact in parameters.chain:
-        if not run.is_finished(chain_unit(contact)):
-            _one_contact(run, contact, parameters.settle_s)
-
-
-def _one_contact(run: Run, contact: str, settle_s: float) -> None:
-    reader = run.role(CHAIN, InterlockChain)
-    opens, closes = chain_prompts(contact)
-    with run.unit(chain_unit(contact)) as details:
-        bring_to_rest(run)
-        shared = run.bench.instruments[CHAIN].shares
-        with run.testing_contact(contact, seen_by(contact, tuple(shared))):
-            run.ask_again(opens)
-            run.wait(settle_s, opens.text)
-            details["opened"] = list(run.role(CHAIN, SeesContacts).open_contacts())
-            run.ask_again(closes)
-            run.wait(settle_s, closes.text)
-        details["closed"] = reader.is_closed()
+    for contact in run.unfinished(parameters.chain, chain_unit, pauses=False):
+        reader, seer = run.role(CHAIN, InterlockChain), run.role(CHAIN, SeesContacts)
+        opens, closes = chain_prompts(contact)
+        with run.unit(chain_unit(contact)) as details:
+            bring_to_rest(run)
+            shared = run.read(lambda: tuple(run.bench.instruments[CHAIN].shares), assumed=())
+            with run.testing_contact(contact, seen_by(contact, shared)):
+                run.ask_again(opens)
+                run.wait(parameters.settle_s, opens.text)
+                details["opened"] = list(run.read(seer.open_contacts, assumed=()))
+                run.ask_again(closes)
+                run.wait(parameters.settle_s, closes.text)
+            details["closed"] = run.read(reader.is_closed, takes=on_the_way(CLOSES_S))

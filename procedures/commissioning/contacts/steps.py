@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from functools import partial
 
 from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
-from station.method.work import Work
+from station.method.run import Run
 from station.procedure import Prompt, Step
 from station.roles import Driver
 
 from .analysis import DONE
-from .chain import chain, chain_prompts
-from .parameters import CHAIN, CHAMBER, UNIT, ContactParameters, chain_unit
-
-if TYPE_CHECKING:
-    from station.method.run import Run
+from .chain import chain
+from .parameters import CHAMBER, UNIT, ContactParameters
 
 DOOR = "door"
 PROMPTS = {
@@ -26,48 +22,29 @@ PROMPTS = {
 }
 
 
-def prompts(parameters: ContactParameters) -> tuple[Prompt, ...]:
-    """Return what the operator is asked to do."""
-    of_door = tuple(PROMPTS[done] for done in DONE) if parameters.door else ()
-    return (*of_door, *(prompt for name in parameters.chain for prompt in chain_prompts(name)))
-
-
-def instruments(parameters: ContactParameters) -> tuple[str, ...]:
-    """Return the instruments whose contacts are looked at."""
-    return (
-        *((CHAMBER,) if parameters.door else ()),
-        *((CHAIN,) if parameters.chain else ()),
-    )
-
-
-def work(parameters: ContactParameters) -> Iterator[Work]:
-    """Yield the looks at door and chain: nothing is commanded."""
-    if parameters.door:
-        yield Work("I1", UNIT, duration_s=parameters.settle_s * len(DONE))
-    for contact in parameters.chain:
-        yield Work("I2", chain_unit(contact), duration_s=2.0 * parameters.settle_s)
-
-
 def door(run: Run) -> None:
     """I1: everything is at rest; a person moves the door, the contact is read."""
     parameters: ContactParameters = run.parameters.contacts
-    if not parameters.door or run.is_finished(UNIT):
-        return
-    chamber = run.role(CHAMBER, Driver)
-    with run.unit(UNIT) as details:
-        for done in DONE:
-            prompt = PROMPTS[done]
-            ask_at_rest(run, prompt)
-            run.wait(parameters.settle_s, prompt.text)
-            state = chamber.read_quantity(DOOR)
-            if state is None:
-                raise InstrumentError(
-                    CHAMBER, "read its door", "no input is wired to it", "state settings.door"
-                )
-            details[done] = state
+    for unit in run.unfinished([UNIT] if parameters.door else [], pauses=False):
+        chamber = run.role(CHAMBER, Driver)
+        with run.unit(unit) as details:
+            for done in DONE:
+                ask_at_rest(run, PROMPTS[done])
+                run.wait(parameters.settle_s, PROMPTS[done].text)
+                details[done] = run.read(partial(state_of_door, chamber))
 
 
 STEPS = (
     Step("I1", "Chamber: its door's contact follows the door", door),
     Step("I2", "Interlock chain: its contacts, opened by hand on a bench at rest", chain),
 )
+
+
+def state_of_door(chamber: Driver) -> object:
+    """Return what a chamber reads of its door; InstrumentError where no door is wired to it."""
+    state = chamber.read_quantity(DOOR)
+    if state is None:
+        raise InstrumentError(
+            CHAMBER, "read its door", "no input is wired to it", "state settings.door"
+        )
+    return state

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import LazyImport
+from station.procedure import LazyImport, RecordUse
 
 from .parameters import RESULTS, GyroParameters
-from .steps import STEPS, prompts
-from .work import GYRO, POWER, instruments, records, work
+from .steps import GYRO, POWER, SCALE, STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,13 +32,15 @@ def not_tried(parameters: GyroParameters) -> Mapping[str, str]:
 PULSE_WEIGHT_STEP = "G2"
 
 
+def records(parameters: GyroParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: the pulse weight's uncertainty."""
+    return (RecordUse(*SCALE, needed=False),)
+
+
 GYRO_PART = Part(
     name="gyro",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     records=records,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,

@@ -13,9 +13,8 @@ from station.findings import Analysis, Findings, InputQuantity, findings_of
 
 from .analysis import BIAS, DIRECTION, SCALE, GyroDataset, analyse, earth_of
 from .parameters import CHANNELS_UNIT, REST_UNIT, RESULTS, GyroParameters
-from .steps import LIT
-from .work import GYRO
-from .work import SCALE as STATED
+from .steps import GYRO, LIT
+from .steps import SCALE as STATED
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

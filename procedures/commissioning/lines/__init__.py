@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.parts import Part
-from station.procedure import LazyImport
+from station.procedure import LazyImport, RecordUse
 
-from .parameters import RESULTS, LineParameters
+from .parameters import LINES, RESULTS, LineName, LineParameters
 from .steps import STEPS
-from .work import asked_on, instruments, prompts, work
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
+
+
+def asked_on(bench: Bench) -> tuple[LineName, ...]:
+    """Return the instruments of a bench whose lines are asked."""
+    return tuple(name for name in LINES if name in bench.instruments)
 
 
 def is_possible(bench: Bench) -> bool:
@@ -41,13 +45,20 @@ def measured_axes(parameters: LineParameters) -> Mapping[str, tuple[str, ...]]:
     return dict.fromkeys(RESULTS, parameters.instruments)
 
 
+def records_of_asked(names: Iterable[str], bench: Bench) -> Iterator[RecordUse]:
+    """Yield that nothing is missing of the records of instruments that are asked who they are.
+
+    No reading of theirs is taken, so that no figure depends on what their records state.
+    """
+    for name in names:
+        for _, quantity in bench.statements(name):
+            yield RecordUse(name, quantity, 0.0, "1", needed=False)
+
+
 LINES_PART = Part(
     name="lines",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,
     fits=fits,

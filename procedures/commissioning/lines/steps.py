@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import Any
 
 from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
-from station.procedure import Step
+from station.method.duration import on_the_way
+from station.method.run import Run
+from station.procedure import Prompt, Step
 from station.roles import Instrument, KeepsErrors
 
-from .parameters import line_unit, return_unit
-from .work import pull
+from .parameters import LineParameters, line_unit, return_unit
 
-if TYPE_CHECKING:
-    from station.method.run import Run
-
+QUERY_S = 0.05
+BACK_S = 5.0
+"""A line that was disconnected may need so long; what a person does takes no bench time."""
 SOURCE = "lines"
 BEFORE, SINCE = "errors_before", "errors_since"
 """Details of a unit: errors that the instrument kept before and since it is asked, if it can."""
@@ -29,19 +31,11 @@ TRIES, BETWEEN_S = 10, 1.0
 
 def ask(run: Run) -> None:
     """L1: each instrument is asked many times who it is, between two looks into its error queue."""
-    for name in run.parameters.lines.instruments:
-        if run.is_finished(line_unit(name)):
-            continue
-        run.may_pause()
+    parameters: LineParameters = run.parameters.lines
+    for name in run.unfinished(parameters.instruments, line_unit):
         with run.unit(line_unit(name)) as details:
-            instrument = run.role(name, Instrument)
-            if isinstance(instrument, KeepsErrors):
-                details[BEFORE] = instrument.take_errors()
-            known = instrument.identify()
-            rows = [_one(run, instrument, known) for _ in range(run.parameters.lines.queries)]
-            _record(run, line_unit(name), rows)
-            if isinstance(instrument, KeepsErrors):
-                details[SINCE] = instrument.take_errors()
+            act = partial(question, run, line_unit(name), run.role(name, Instrument), details)
+            run.read(act, takes=on_the_way(QUERY_S * parameters.queries))
 
 
 def come_back(run: Run) -> None:
@@ -49,20 +43,47 @@ def come_back(run: Run) -> None:
 
     Coils are off and axes at rest before the hand is asked for.
     """
-    for name in run.parameters.lines.disconnected:
-        if run.is_finished(return_unit(name)):
-            continue
+    parameters: LineParameters = run.parameters.lines
+    for name in run.unfinished(parameters.disconnected, return_unit, pauses=False):
         instrument = run.role(name, Instrument)
-        known = instrument.identify()
+        known = run.read(instrument.identify)
         ask_at_rest(run, pull(name))
-        rows = []
         with run.unit(return_unit(name)):
-            for _ in range(TRIES):
-                rows.append(_one(run, instrument, known))
-                if rows[-1][1]:
-                    break
-                run.wait(BETWEEN_S, f"{name} comes back")
-            _record(run, return_unit(name), rows)
+            act = partial(await_return, run, name, instrument, known)
+            run.read(act, takes=on_the_way(BACK_S))
+
+
+STEPS = (
+    Step("L1", "Lines: identity, latency, answers that do not come", ask),
+    Step("L2", "Lines: disconnected by hand, and back", come_back),
+)
+
+
+def pull(name: str) -> Prompt:
+    """Return the request to disconnect an instrument and to connect it again."""
+    text = f"Pull the data cable of {name}, wait for ten seconds and plug it in again."
+    return Prompt("reconnect", text)
+
+
+def question(run: Run, unit: str, instrument: Instrument, details: dict[str, Any]) -> None:
+    """Ask an instrument who it is, and what errors it kept before and since; record the answers."""
+    if isinstance(instrument, KeepsErrors):
+        details[BEFORE] = instrument.take_errors()
+    known = instrument.identify()
+    _record(run, unit, [_one(run, instrument, known) for _ in range(run.parameters.lines.queries)])
+    if isinstance(instrument, KeepsErrors):
+        details[SINCE] = instrument.take_errors()
+
+
+def await_return(run: Run, name: str, instrument: Instrument, known: object) -> None:
+    """Ask an instrument who it is until it answers, as often as that may take; record that."""
+    rows: list[tuple[float, bool, bool]] = []
+    for _ in range(TRIES):
+        rows.append(_one(run, instrument, known))
+        if rows[-1][1]:
+            break
+        run.wait(BETWEEN_S, f"{name} comes back")
+    _record(run, return_unit(name), rows)
 
 
 def _one(run: Run, instrument: Instrument, known: object) -> tuple[float, bool, bool]:
@@ -83,9 +104,3 @@ def _record(run: Run, unit: str, rows: list[tuple[float, bool, bool]]) -> None:
     names = [(name, np.float64) for name in (*COLUMNS, ARRIVAL)]
     now_s = run.now_s
     run.keep_rows(SOURCE, unit, COLUMNS, np.array([(*row, now_s) for row in rows], dtype=names))
-
-
-STEPS = (
-    Step("L1", "Lines: identity, latency, answers that do not come", ask),
-    Step("L2", "Lines: disconnected by hand, and back", come_back),
-)

@@ -32,8 +32,8 @@ from .parameters import (
     TableTurn,
     level_unit,
 )
+from .placing import ANGLE, NAVIGATOR, TURNTABLE
 from .sensed import sensed
-from .work import ANGLE, NAVIGATOR, TURNTABLE
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

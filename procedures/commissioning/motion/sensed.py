@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from station.roles.base import ARRIVAL
 
 from .parameters import MotionParameters
-from .work import IMU
+from .placing import IMU
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder

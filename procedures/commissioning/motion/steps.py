@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from station.method.commands import Power
-from station.procedure import Prompt, Step
+from station.method.run import Run
+from station.procedure import Step
 from station.roles import Driver
 
 from .measuring import record_level, record_turn
 from .parameters import HALF_TURNS, HOME, TURNED_UNIT, MotionParameters, TableTurn, level_unit
-from .placing import MOUNT, TURN, TableState, go_to, make_ready, turn_device
-from .work import POWER, moves
-
-if TYPE_CHECKING:
-    from station.method.run import Run
-
-
-def prompts(parameters: MotionParameters) -> tuple[Prompt, ...]:
-    """Return what the operator is asked to do."""
-    return (MOUNT[parameters.device], TURN[parameters.device])
+from .placing import POWER, TableState, go_to, make_ready, moves, turn_device
 
 
 def senses(run: Run) -> None:
@@ -36,19 +27,15 @@ def whole_turns(run: Run) -> None:
 
 def levels(run: Run) -> None:
     """M3: the sensor's level with every axis at 0 and 180 deg; then with the sensor turned."""
-    for angles_deg in HALF_TURNS:
-        unit = level_unit(angles_deg)
-        if not run.is_finished(unit):
-            run.may_pause()
-            make_ready(run)
-            go_to(run, moves(angles_deg, unit))
-            record_level(run, unit)
-    if not run.is_finished(TURNED_UNIT):
-        run.may_pause()
+    for angles_deg in run.unfinished(HALF_TURNS, level_unit):
+        make_ready(run)
+        go_to(run, moves(angles_deg, level_unit(angles_deg)))
+        record_level(run, level_unit(angles_deg))
+    for unit in run.unfinished([TURNED_UNIT]):
         make_ready(run)
         go_to(run, moves(HOME, "all axes to zero"))
         turn_device(run)
-        record_level(run, TURNED_UNIT)
+        record_level(run, unit)
     if run.state(TableState).is_ready:
         # Switched off it could not be asked for what it keeps.
         run.role(run.parameters.motion.device, Driver).kept.put_back()
@@ -57,11 +44,9 @@ def levels(run: Run) -> None:
 
 def walk_turns(run: Run, turns: Sequence[TableTurn]) -> None:
     """Measure turns that no earlier process of the run has finished."""
-    for turn in turns:
-        if not run.is_finished(turn.unit):
-            run.may_pause()
-            make_ready(run)
-            record_turn(run, turn)
+    for turn in run.unfinished(turns, lambda turn: turn.unit):
+        make_ready(run)
+        record_turn(run, turn)
 
 
 STEPS = (

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.commissioning.coils.work import supply_of
+from procedures.commissioning.coils.steps import supply_of
 from procedures.commissioning.parts import Part
-from station.procedure import LazyImport
+from station.procedure import LazyImport, RecordUse
 
-from .parameters import COILS, RESULTS
-from .steps import STEPS, prompts
-from .work import METER, POWER, instruments, records, work
+from .parameters import COILS, RESULTS, PickUpParameters
+from .steps import METER, POWER, RANGE_V, STEPS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -22,13 +21,15 @@ def is_possible(bench: Bench) -> bool:
     return all(name in bench.instruments for name in needed)
 
 
+def records(parameters: PickUpParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return the voltmeter's, whose few millionths are nothing beside a limit on microvolts."""
+    return (RecordUse(METER, "voltage", RANGE_V, "V", needed=False, corrected=False),)
+
+
 PICK_UP_PART = Part(
     name="pick_up",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     records=records,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,

@@ -12,7 +12,7 @@ from station.roles.base import ARRIVAL
 
 from .analysis import PickUpDataset, Readings, analyse, beyond_range
 from .parameters import COILS, FREQUENCY, OFF, RESULTS, PickUpParameters, unit_of
-from .work import METER, RANGE_V
+from .steps import METER, RANGE_V
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.commissioning.coils import is_possible as has_coils
-from procedures.commissioning.coils.work import GAUSSMETER
+from procedures.commissioning.coils.steps import GAUSSMETER
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import LazyImport
+from station.procedure import LazyImport, RecordUse
 
-from .parameters import COILS, RESULTS
-from .steps import STEPS, prompts
-from .work import instruments, records, work
+from .parameters import COILS, RESULTS, ProbeParameters
+from .steps import STEPS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -28,13 +27,26 @@ def is_possible(bench: Bench) -> bool:
     return bool(registry.load(registry.DRIVERS, driver).axes == len(COILS))
 
 
+def records(parameters: ProbeParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return the gaussmeter's, of which shares of a field need no gain and no zero."""
+    # In the budget, with a part of zero: gain and zero leave the ratio of two differences alone.
+    return (
+        RecordUse(
+            GAUSSMETER,
+            "field",
+            parameters.field_mT,
+            "mT",
+            in_budget=True,
+            needed=False,
+            corrected=False,
+        ),
+    )
+
+
 PROBE_PART = Part(
     name="probe",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     records=records,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from procedures.commissioning.coils.steps import PLACE_PROBE
-from procedures.commissioning.coils.work import GAUSSMETER, supply_of
-from station.method.commands import CoilOff, CoilOn
-from station.method.verbs import Follower, require_off
+from procedures.commissioning.coils.steps import (
+    EARTH_FIELD_MT,
+    GAUSSMETER,
+    PLACE_PROBE,
+    RANGE_HEADROOM,
+    follow_field,
+    supply_of,
+)
+from station.method.commands import CoilOff, CoilOn, FieldRange, SteadyField
+from station.method.duration import on_the_way
+from station.method.run import Run
+from station.method.verbs import require_off
 from station.procedure import Prompt, Step
-from station.roles import DirectCurrentSupply, Gaussmeter
+from station.roles import DirectCurrentSupply
 
 from .parameters import COILS, DEVICE, MOVE_MM, PLACES, PlaceRecord, ProbeParameters, ProbePlace
-from .work import coil_field, field_range
 
-if TYPE_CHECKING:
-    from station.method.run import Run
-
-LOOK_S = 0.5
+FIELD = ("parameters", "probe", "field")
+RAMP_S = 4.0
 BACK = Prompt("move-probe-back", "Move the probe back to the place of the device.")
 
 
@@ -34,11 +37,6 @@ def move_of(place: ProbePlace) -> Prompt:
     )
 
 
-def prompts(parameters: ProbeParameters) -> tuple[Prompt, ...]:
-    """Return what the operator is asked to do."""
-    return (*(move_of(place) for place in PLACES), BACK)
-
-
 def places(run: Run) -> None:
     """P1: the probe at each place, there each coil alone in both senses."""
     parameters: ProbeParameters = run.parameters.probe
@@ -47,17 +45,29 @@ def places(run: Run) -> None:
     run.apply(field_range(parameters))
     for place in PLACES:
         records = parameters.records_at(place)
-        wanted = [record for record in records if not run.is_finished(record.unit)]
-        if not wanted:
+        if all(run.is_finished(record.unit) for record in records):
             continue
         all_off(run)
         run.may_pause()
-        move = move_of(place)
-        run.ask(move)
-        for record in wanted:
-            measure(run, record, parameters)
+        run.ask(move_of(place))
+        for record in run.unfinished(records, lambda record: record.unit, pauses=False):
+            measure(run, record)
         all_off(run)
     run.ask(BACK)
+
+
+STEPS = (Step("P1", "Place of the probe and homogeneity, by moving the probe", places),)
+
+
+def field_range(parameters: ProbeParameters) -> FieldRange:
+    """Return the range of the probe; the ambient field adds to the coil's."""
+    range_mT = RANGE_HEADROOM * (parameters.field_mT + EARTH_FIELD_MT)
+    return FieldRange(GAUSSMETER, range_mT, decided_by=FIELD)
+
+
+def coil_field(record: PlaceRecord) -> SteadyField:
+    """Return the steady field of a record."""
+    return SteadyField(supply_of(record.coil), record.field_mT, decided_by=FIELD)
 
 
 def all_off(run: Run) -> None:
@@ -67,20 +77,13 @@ def all_off(run: Run) -> None:
         require_off(run, supply_of(coil))
 
 
-def measure(run: Run, record: PlaceRecord, parameters: ProbeParameters) -> None:
+def measure(run: Run, record: PlaceRecord) -> None:
     """Record the field of one coil in one sense."""
+    parameters: ProbeParameters = run.parameters.probe
     supply = supply_of(record.coil)
-    gaussmeter = run.role(GAUSSMETER, Gaussmeter)
     run.apply(CoilOn(supply))
-    run.apply(coil_field(record))
+    run.apply(coil_field(record), takes=on_the_way(RAMP_S))
     with run.unit(record.unit):
-        run.wait(parameters.settle_s, record.unit)
-        gaussmeter.drain()
-        until_s = run.now_s + parameters.record_s
-        follower = Follower(run, {GAUSSMETER: gaussmeter})
-        follower.follow(until_s, record.unit, record.unit, LOOK_S)
+        follow_field(run, record.unit, parameters.settle_s, parameters.record_s)
     if record.sense == "minus":
         run.apply(CoilOff(supply))
-
-
-STEPS = (Step("P1", "Place of the probe and homogeneity, by moving the probe", places),)

@@ -12,8 +12,8 @@ from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import ANGLE, MOUNTING, StageDataset, analyse
 from .parameters import RESULTS, StageParameters, StageRecord
-from .work import ANGLE as STATED
-from .work import METER, STAGE
+from .steps import ANGLE as STATED
+from .steps import METER, STAGE
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

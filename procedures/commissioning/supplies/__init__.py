@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from procedures.commissioning.coils import fits as fits_coils
 from procedures.commissioning.coils import is_possible as has_coils
 from procedures.commissioning.coils.parameters import COILS
-from procedures.commissioning.coils.work import supply_of
+from procedures.commissioning.coils.steps import GAUSSMETER, supply_of
 from procedures.commissioning.parts import Part
 from station import registry
-from station.procedure import LazyImport
+from station.procedure import LazyImport, RecordUse
 
-from .parameters import RESULTS
-from .steps import STEPS, prompts
-from .work import instruments, records, work
+from .parameters import RESULTS, SupplyParameters
+from .steps import FIELD_OF_CUT, STEPS
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -36,13 +35,18 @@ def fits(bench: Bench) -> Iterator[str]:
     yield from (fit.replace(".coils.", ".supplies.") for fit in fits_coils(bench))
 
 
+def records(parameters: SupplyParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records: the gaussmeter's gain."""
+    return (
+        RecordUse(*FIELD_OF_CUT, corrected=False),
+        RecordUse(GAUSSMETER, "angle", 0.0, "deg", needed=False, corrected=False),
+    )
+
+
 SUPPLY_PART = Part(
     name="supplies",
     steps=STEPS,
     results=RESULTS,
-    instruments=instruments,
-    work=work,
-    prompts=prompts,
     records=records,
     findings=LazyImport(f"{__name__}.evaluate:findings"),
     is_possible=is_possible,

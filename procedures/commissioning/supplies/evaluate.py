@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from procedures.commissioning.coils.evaluate import MT_PER_T
 from procedures.commissioning.coils.parameters import COILS
-from procedures.commissioning.coils.work import GAUSSMETER, supply_of
+from procedures.commissioning.coils.steps import GAUSSMETER, supply_of
 from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, findings_of
 
 from .analysis import GAIN, SupplyRecord, analyse
 from .parameters import FLOWS, RESULTS, SupplyParameters, before_unit, cut_unit, limit_unit
-from .work import FIELD_OF_CUT
+from .steps import FIELD_OF_CUT
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 from unittest.mock import create_autospec
 
@@ -9,6 +10,7 @@ import pytest
 
 from procedures.commissioning.at_rest import ask_at_rest
 from station.errors import InstrumentError
+from station.method.duration import Duration
 from station.procedure import Prompt
 from station.roles import DirectCurrentSupply, Imu, SafetyReading, Turntable
 
@@ -32,6 +34,9 @@ class Bench:
 
     def role(self, name: str, kind: type[Any]) -> Any:
         return self.instruments[name]
+
+    def read(self, function: Callable[[], None], takes: Duration) -> None:
+        function()
 
     def ask(self, prompt: Prompt) -> None:
         made_safe = [self.instruments[n].make_safe.called for n in ("turntable", "coil_supply.x")]

@@ -11,10 +11,10 @@ from plan_runs import run_of, shipped_bench
 from quick_yaml import dump_yaml
 from short_forms import read_bench_at
 
+from procedures.commissioning import PROCEDURE
 from procedures.commissioning.contacts import door_is_free
 from procedures.commissioning.contacts.analysis import analyse_door
-from procedures.commissioning.contacts.parameters import ContactParameters
-from procedures.commissioning.contacts.steps import prompts
+from procedures.commissioning.parameters import CommissioningParameters
 from station.record.folder import RunFolder
 
 
@@ -54,8 +54,8 @@ def test_a_door_that_an_interlock_watches_is_not_opened(tmp_path: Path) -> None:
 
 
 def test_a_plan_without_contacts_of_its_own_opens_none() -> None:
-    parameters = ContactParameters()
-    assert [one.id for one in prompts(parameters)] == [
+    parameters = CommissioningParameters(checks=("contacts",))
+    assert [one.id for one in PROCEDURE.walk(parameters).prompts] == [
         "close-door",
         "open-door",
         "close-door-again",

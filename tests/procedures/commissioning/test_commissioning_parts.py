@@ -18,7 +18,7 @@ def test_a_part_that_is_left_out_measures_nothing() -> None:
     for part in PARTS:
         without = parameters.model_copy(update={"checks": ()})
         assert PROCEDURE.measured_axes(without)[next(iter(part.results))] == ()
-    assert not list(PROCEDURE.work(parameters.model_copy(update={"checks": ()})))
+    assert not PROCEDURE.walk(parameters.model_copy(update={"checks": ()})).acts
 
 
 def test_a_bench_without_a_gaussmeter_has_no_part_and_no_limit_of_the_coils(tmp_path: Path) -> None:
