@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
@@ -17,7 +17,6 @@ from station.method.duration import Duration
 from station.method.prompts import Prompt as Prompt
 from station.method.run import EarlierProgress
 from station.method.run import Step as Step
-from station.method.work import Work, walk_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -111,11 +110,6 @@ def no_problem(parameters: Any, bench: Bench) -> Iterator[Problem]:
     return iter(())
 
 
-def no_prompts(parameters: Any) -> tuple[Any, ...]:
-    """Return nothing: nobody is asked for anything."""
-    return ()
-
-
 def no_dataset(raw: RawDataset) -> Findings:
     """Refuse a dataset, for a procedure that evaluates its own runs only."""
     where = ("procedure",)
@@ -125,11 +119,6 @@ def no_dataset(raw: RawDataset) -> Findings:
 
 def no_parts(findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return nothing: the report shows what it shows of every procedure."""
-    return ()
-
-
-def no_work(parameters: Any) -> Iterable[Work]:
-    """Return nothing, for a procedure whose steps command nothing, or that is only analysed."""
     return ()
 
 
@@ -168,6 +157,15 @@ def no_records(parameters: Any, bench: Bench) -> tuple[RecordUse, ...]:
     return ()
 
 
+INTERFACE = 2
+"""The version of what a package of procedures is written against; see `docs/extending.md`."""
+OLD_FORM = (
+    "{} is written for interface 1, which declares `work`, `instruments` and `prompts`; this is "
+    f"interface {INTERFACE}: leave the three out and write steps that a dry run can walk, as in "
+    "docs/how-to/write-a-procedure.md"
+)
+
+
 @dataclass(frozen=True)
 class Procedure:
     """A published method, ready to be run, imported and analysed.
@@ -176,14 +174,12 @@ class Procedure:
     by `usual_modules`, so that a plan is validated without them.
 
     parameters: model of the plan's `parameters`; results: name to axes and unit;
-    instruments(parameters): the bench instances it needs; prompts(parameters): what it may ask;
+    steps: what is commanded, asked and recorded, in order; a dry run walks them;
     records(parameters, bench): what its analysis takes of their calibration records;
     check(parameters, bench): the reasons of its own why this plan cannot run on this bench;
     missing instruments and set-points beyond a limit are checked for every procedure alike;
     evaluate_run / evaluate_dataset: recorded or imported data to findings;
     report(findings, document): plots and tables of its own;
-    work(parameters): what the steps command and record, by unit of work: the commands that they
-    apply, from which units, durations, forecast and limit checks follow;
     held_bytes(parameters, bench): the most of the record that the evaluation holds at once;
     inputs(parameters): files that the plan names, by their places in the run folder, where copies
     of them are kept and read from;
@@ -206,11 +202,8 @@ class Procedure:
     evaluate_run: Callable[[RunFolder, Any, Bench], Findings]
     evaluate_dataset: Callable[[RawDataset], Findings] = no_dataset
     report: Callable[[Findings, ResultDocument], Sequence[Part]] = no_parts
-    instruments: Callable[[Any], tuple[str, ...]] = no_prompts
-    prompts: Callable[[Any], tuple[Prompt, ...]] = no_prompts
     check: Callable[[Any, Bench], Iterator[Problem]] = no_problem
     records: Callable[[Any, Bench], tuple[RecordUse, ...]] = no_records
-    work: Callable[[Any], Iterable[Work]] = no_work
     held_bytes: Callable[[Any, Bench], int | None] = everything
     outlook: Callable[[Any], Sequence[str]] = no_lines
     undetermined: Callable[[Any], Mapping[str, str]] = nothing_undetermined
@@ -221,6 +214,14 @@ class Procedure:
     fits: Callable[[Bench, bool, Mapping[str, str]], Iterable[str]] = no_lines
     assumptions: tuple[str, ...] = ()
     conditions: Callable[[], type[StrictModel]] | None = None
+    work: InitVar[Any] = None
+    instruments: InitVar[Any] = None
+    prompts: InitVar[Any] = None
+
+    def __post_init__(self, *old: Any) -> None:
+        """Refuse the form of interface 1; raises InputError."""
+        if any(value is not None for value in old):
+            raise InputError(OLD_FORM.format(self.name))
 
     def step(self, number: str) -> Step:
         """Return the step with the source document's number."""
@@ -234,10 +235,6 @@ class Procedure:
 
         Raises InputError where a step cannot be walked without a bench.
         """
-        if self.work is not no_work:
-            return walk_of(
-                self.work(parameters), self.instruments(parameters), self.prompts(parameters)
-            )
         try:
             return DryRun(parameters, past).walk(self.steps)
         except InputError as error:

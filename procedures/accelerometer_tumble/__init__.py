@@ -51,7 +51,6 @@ PROCEDURE = Procedure(
         "fixture_error": ResultKind((), "arcsec"),
     },
     steps=(),
-    instruments=lambda parameters: (),
     evaluate_run=no_run,
     evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
     check=check,

@@ -46,7 +46,6 @@ PROCEDURE = Procedure(
     parameters=TemperatureParameters,
     results={name: ResultKind(AXES, unit) for name, unit in UNITS.items()},
     steps=(),
-    instruments=lambda parameters: (),
     evaluate_run=no_run,
     evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
     check=check,

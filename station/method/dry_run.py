@@ -44,7 +44,6 @@ class Rows:
     instrument: str
     duration_s: float
     count: float | None = None
-    read_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -135,9 +134,7 @@ class Walk:
 def recording_of(source: str, rows: Sequence[Rows], bench: Bench) -> Recording:
     """Return all rows of one source."""
     count = sum(row.count for row in rows if row.count is not None)
-    uncounted_s = sum(
-        row.duration_s if row.read_s is None else row.read_s for row in rows if row.count is None
-    )
+    uncounted_s = sum(row.duration_s for row in rows if row.count is None)
     if uncounted_s:
         count += uncounted_s / reading_period_s(bench, source)
     return Recording(source, math.ceil(count - 1e-6), sum(row.duration_s for row in rows))

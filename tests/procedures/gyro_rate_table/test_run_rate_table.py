@@ -113,10 +113,6 @@ def test_a_gyro_that_does_not_feel_the_turns_ends_the_run(read: float) -> None:
 def test_a_table_of_one_axis_is_levelled_by_a_person() -> None:
     plan = {**shipped_plan(NAME)["parameters"], "levelled_by": "person"}
     parameters = RateTableParameters.model_validate(plan)
-    words = {
-        command.text
-        for work in PROCEDURE.work(parameters)
-        for command in work.commands
-        if hasattr(command, "text")
-    }
+    commands = PROCEDURE.walk(parameters).commands
+    words = {command.text for command in commands if hasattr(command, "text")}
     assert "middle and inner axis to 0 deg" not in words
