@@ -25,7 +25,7 @@ from served_bench import served_bench
 
 from drivers.transport.visa_line import VisaLine
 from station.clock import RealClock
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 QUESTIONS = {"gaussmeter": ("*IDN?", "\r\n"), "coil_supply.x": ("MEAS:CURR?", "\n")}
 
@@ -39,7 +39,7 @@ def main() -> None:
         instruments = json.loads(head.read_text(encoding="utf-8"))["instruments"]
         for name, (question, answer_end) in QUESTIONS.items():
             address = instruments[name]["address"]
-            line = VisaLine(Place(name, address, RealClock()), answer_end=answer_end)
+            line = VisaLine(InstrumentPlace(name, address, RealClock()), answer_end=answer_end)
             bare = pyvisa.ResourceManager("@py").open_resource(
                 address, read_termination=answer_end, write_termination="\n"
             )

@@ -42,7 +42,7 @@ STAGE_COLUMNS = {
 
 
 @dataclass
-class Place:
+class BenchState:
     """Where the bench stands: what the next point need not set again.
 
     `rms_mT` is the field whose current heats the coil: it takes many minutes to warm.
@@ -70,7 +70,7 @@ def measure(run: Run, point: Point, doing: str) -> None:
         "angle_deg": point.angle_deg,
         "field_mT": point.field_mT,
         "number": point.number,
-        "range_V": run.state(Place).range_V,
+        "range_V": run.state(BenchState).range_V,
     }
     with run.unit(point.unit, **details):
         angle_deg = run.role(STAGE, RotaryStage).angle_deg()
@@ -80,7 +80,7 @@ def measure(run: Run, point: Point, doing: str) -> None:
 
 def turn_to(run: Run, point: Point, doing: str) -> None:
     """Turn the stage to a point's angle and wait until it rests; nothing moves where it does."""
-    place = run.state(Place)
+    place = run.state(BenchState)
     if place.angle_deg == point.angle_deg:
         return
     way_deg = abs(point.angle_deg - (place.angle_deg or 0.0))
@@ -100,7 +100,7 @@ def settle(run: Run, point: Point, doing: str) -> None:
 
     def act() -> None:
         measured_mT = settled_mT(run, gaussmeter, doing)
-        meters = run.state(Place).meters
+        meters = run.state(BenchState).meters
         meters.driven(GAUSSMETER, point.field_mT, measured_mT, rule.field_change_mT)
 
     waits = Duration(FIELD_LOOK_S, 0.0, rule.at_most_s - rule.at_least_s + 2.0 * FIELD_LOOK_S)
@@ -155,7 +155,7 @@ def record_output(run: Run, unit: str, doing: str) -> None:
         raise InstrumentError(
             MULTIMETER,
             f"measured {unit}",
-            f"it was overloaded in every range up to {run.state(Place).range_V:g} V",
+            f"it was overloaded in every range up to {run.state(BenchState).range_V:g} V",
             "look at the accelerometer's output and its load resistor",
         )
 
@@ -190,13 +190,13 @@ def read_output(
             overloaded = bool(block.columns["overload"].any())
             if not overloaded:
                 readings_V = {float(reading_V) for reading_V in block.columns["voltage_V"]}
-                run.state(Place).meters.output(name, unit, readings_V)
+                run.state(BenchState).meters.output(name, unit, readings_V)
     return overloaded
 
 
 def widen(run: Run, unit: str) -> None:
     """Take the next higher range after an overload; the point is then measured again."""
-    place = run.state(Place)
+    place = run.state(BenchState)
     before_V = place.range_V
     wider = replace(first_range(run.parameters), largest_V=HIGHER_RANGE * before_V)
     place.range_V = run.apply(wider)
@@ -206,14 +206,14 @@ def widen(run: Run, unit: str) -> None:
 
 def drive(run: Run, field_mT: float) -> None:
     """Bring a field to the device, which heats the coil as the whole plan does."""
-    rms_mT = run.state(Place).rms_mT
+    rms_mT = run.state(BenchState).rms_mT
     command = SteadyField(SUPPLY, field_mT, rms_mT, decided_by=LARGEST_FIELD)
     run.apply(command, takes=ramping_to(run, field_mT))
 
 
 def ramping_to(run: Run, field_mT: float) -> Duration:
     """Return how long the supply takes from the present field to another, which is now present."""
-    place = run.state(Place)
+    place = run.state(BenchState)
     way_mT, place.field_mT = abs(field_mT - place.field_mT), field_mT
     return on_the_way(RAMP_S + way_mT / RAMP_MT_PER_S)
 

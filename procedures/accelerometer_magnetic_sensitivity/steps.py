@@ -18,7 +18,7 @@ from .measuring import (
     POWER,
     STAGE,
     SUPPLY,
-    Place,
+    BenchState,
     drive,
     first_range,
     measure,
@@ -74,7 +74,7 @@ def set_up(run: Run) -> None:
     if run.apply(Homing(STAGE)):
         come_to_rest(run, STAGE, "the stage looks for its zero", takes=on_the_way(HOMING_S))
     run.role(GAUSSMETER, Gaussmeter).start(RANGE_HEADROOM * parameters.largest_field_mT)
-    place = run.state(Place)
+    place = run.state(BenchState)
     place.range_V = run.apply(first_range(parameters))
     place.rms_mT = rms_field_mT(parameters)
     run.apply(Power(POWER, True))
@@ -153,7 +153,7 @@ def measure_all(run: Run, points: Iterable[tuple[int, Point]]) -> None:
 
 def mount_for(run: Run, plane: str) -> None:
     """Have the accelerometer mounted for a plane, the coil at rest and the field off."""
-    place = run.state(Place)
+    place = run.state(BenchState)
     if place.plane == plane:
         return
     if place.plane is not None:

@@ -23,7 +23,7 @@ from sim_instruments.faults.lasting import (
     OutputTripped,
 )
 from sim_instruments.instrument import Setting
-from sim_instruments.keysight.generator_33522b_channel import LOADS_OHM, OPEN, Channel
+from sim_instruments.keysight.generator_33522b_channel import LOADS_OHM, OPEN, GeneratorChannel
 from sim_instruments.keysight.generator_33522b_everyday import Everyday, SyncOutput
 from sim_instruments.keysight.generator_33522b_wave import (
     FUNCTIONS,
@@ -141,13 +141,13 @@ class Keysight33522B(ScpiDevice):
         self._latency_s = truth.quantity("trigger_latency", "s")
         coils, gains, offsets = (truth.section(key) for key in ("coils", "gain_error", "offset"))
         driven, wire = setting.world.find(CoilWorld), setting.world.find(TriggerLine)
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, GeneratorChannel] = {}
         for number in (1, 2):
             # JSON has no numbers for keys.
             key: Any = number if number in coils else str(number)
             coil = coil_name(coils, key)
             history = VoltageHistory()
-            self._channels[number] = Channel(
+            self._channels[number] = GeneratorChannel(
                 history, gains.quantity(key, "1"), offsets.quantity(key, "V"), self._complain
             )
             if driven is not None and coil != "none":
@@ -161,7 +161,7 @@ class Keysight33522B(ScpiDevice):
         self._faults.when_changed(LoadReset.kind, self._reset_loads)
         self.begin_to_serve(setting)
 
-    def _add_channel(self, number: int, channel: Channel) -> None:
+    def _add_channel(self, number: int, channel: GeneratorChannel) -> None:
         """Add the commands of a channel; after each its coil has what the settings say."""
         wave = channel.wave
         held: dict[str, dict[str, tuple[Callable[[str], None], Callable[[], str | float]]]] = {
@@ -303,7 +303,7 @@ class Keysight33522B(ScpiDevice):
         self._standard_event |= 16
         self.errors.push(code, more)
 
-    def _switch(self, channel: Channel, on: bool) -> None:
+    def _switch(self, channel: GeneratorChannel, on: bool) -> None:
         if on and self._faults.now(OutputTripped.kind) is not None:
             raise Refusal(TRIPPED)
         channel.on = on

@@ -38,7 +38,7 @@ MAX_CYCLES = 1000
 """Of a burst that reach the coil here."""
 
 
-class Channel:
+class GeneratorChannel:
     """One output. Amplitude and offset are kept as they are at an open end, in V.
 
     `history` is what reaches the coil, with the channel's own `gain_error` and `offset_V`.

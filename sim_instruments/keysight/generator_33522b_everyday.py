@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from sim_instruments.keysight.generator_33522b_channel import Channel
+from sim_instruments.keysight.generator_33522b_channel import GeneratorChannel
 from sim_instruments.keysight.generator_33522b_wave import FUNCTIONS
 from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, choice, numeric
 
@@ -40,7 +40,7 @@ WORDS: dict[str, tuple[dict[str, str], str]] = {"SWEep:SPACing": (SPACINGS, "LIN
 class Everyday:
     """Settings of one channel that do not change what its coil gets, and `APPLy`."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: GeneratorChannel) -> None:
         self._channel = channel
         self.reset()
 

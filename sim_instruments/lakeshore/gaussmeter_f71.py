@@ -43,7 +43,7 @@ OVERLOAD_BIT = 2
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-class Readings:
+class FinishedReadings:
     """Finished readings: the instrument's tick at the end of each, and x y z in T."""
 
     def __init__(self, ticks: npt.NDArray[np.int64], field_T: Array) -> None:
@@ -102,7 +102,7 @@ class LakeshoreF71(ScpiDevice):
         self._last_T = np.zeros(3)
         self._tare_T, self._temperature_source = np.zeros(4), "PROBE"
         self._least_T, self._largest_T = np.inf, -np.inf
-        self._buffer: list[Readings] = []
+        self._buffer: list[FinishedReadings] = []
         self._next_tick = self._tick_now() - self._averaged
         self._collect()
         self._buffer = []
@@ -280,6 +280,6 @@ class LakeshoreF71(ScpiDevice):
         for k in np.flatnonzero(self._faults.during(Frozen.kind, edges_s[1:])).tolist():
             field_T[k] = field_T[k - 1] if k else self._last_T
         self._last_T = field_T[-1]
-        self._buffer.append(Readings(ticks[1:], field_T))
+        self._buffer.append(FinishedReadings(ticks[1:], field_T))
         while sum(part.ticks.size for part in self._buffer[1:]) >= BUFFER_RECORDS:
             self._buffer.pop(0)

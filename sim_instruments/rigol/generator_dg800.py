@@ -27,7 +27,7 @@ from sim_instruments.keysight.generator_33522b import (
     load,
     only_vpp,
 )
-from sim_instruments.keysight.generator_33522b_channel import Channel
+from sim_instruments.keysight.generator_33522b_channel import GeneratorChannel
 from sim_instruments.wire.scpi import ScpiError, boolean, choice, numeric
 from sim_instruments.wire.scpi_device import ScpiDevice
 from sim_instruments.world.base import TriggerLine
@@ -38,7 +38,7 @@ FUNCTIONS |= {"SQU": "SQU", "SQUARE": "SQU", "RAMP": "RAMP", "NOIS": "NOIS", "NO
 SOURCES = {"EXT": "EXT", "EXTERNAL": "EXT", "MAN": "BUS", "MANUAL": "BUS"}
 SOURCES |= {"INT": "IMM", "INTERNAL": "IMM"}
 SOURCE_NAMES = {"EXT": "EXT", "BUS": "MAN", "IMM": "INT"}
-"""By what `Channel` calls them."""
+"""By what `GeneratorChannel` calls them."""
 IDLES = {"FPT": "FPT", "TOP": "TOP", "CENTER": "CENTER", "BOTTOM": "BOTTOM"}
 MAX_DELAY_S = 100.0
 Held = dict[str, tuple[Callable[[str], None], Callable[[], str | float | bool]]]
@@ -63,13 +63,13 @@ class RigolDg800(ScpiDevice):
         self._latency_s = truth.quantity("trigger_latency", "s")
         coils, gains, offsets = (truth.section(key) for key in ("coils", "gain_error", "offset"))
         driven, wire = setting.world.find(CoilWorld), setting.world.find(TriggerLine)
-        self._channels: dict[int, Channel] = {}
+        self._channels: dict[int, GeneratorChannel] = {}
         self._idle = dict.fromkeys((1, 2), "FPT")
         for number in (1, 2):
             # JSON has no numbers for keys.
             key: Any = number if number in coils else str(number)
             coil, history = coil_name(coils, key), VoltageHistory()
-            self._channels[number] = Channel(
+            self._channels[number] = GeneratorChannel(
                 history, gains.quantity(key, "1"), offsets.quantity(key, "V"), self._complain
             )
             if driven is not None and coil != "none":
@@ -92,7 +92,7 @@ class RigolDg800(ScpiDevice):
             channel.reset()
             channel.apply(self._clock.now())
 
-    def _add_channel(self, number: int, channel: Channel) -> None:
+    def _add_channel(self, number: int, channel: GeneratorChannel) -> None:
         """Add the commands of a channel; after each its coil has what the settings say."""
         wave = channel.wave
 
@@ -183,7 +183,7 @@ class RigolDg800(ScpiDevice):
     def _complain(self, code: int, more: str) -> None:
         self.refuse(code)
 
-    def _manual(self, *channels: Channel) -> None:
+    def _manual(self, *channels: GeneratorChannel) -> None:
         waiting = [
             channel
             for channel in channels or self._channels.values()

@@ -14,7 +14,7 @@ from sim_instruments.world.base import World, nothing
 from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import Navigator
-from sim_instruments.world.noise import RandomWalk, Readings, generator
+from sim_instruments.world.noise import RandomWalk, ReadingNoise, generator
 from sim_instruments.world.piecewise import Array
 from sim_instruments.world.table import RAD_PER_S, Table
 
@@ -64,7 +64,7 @@ class FogGyros:
         offset = truth.section("sensor_offset")
         self._sensor_K = np.array([offset.quantity(axis, "K") for axis in AXES])
         sigma = np.full(3, truth.quantity("sensor_noise", "K"))
-        self._sensor = Readings(sigma, SENSOR_CELL_S, generator(seed, "fog-sensors"))
+        self._sensor = ReadingNoise(sigma, SENSOR_CELL_S, generator(seed, "fog-sensors"))
         self._chamber = chamber
         wired = truth.section("sensor_wiring") if "sensor_wiring" in truth else None
         self._shown = [axis if wired is None else wired.text(axis, axis) for axis in AXES]

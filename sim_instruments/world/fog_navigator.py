@@ -23,7 +23,7 @@ import numpy as np
 
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import small_rotation
-from sim_instruments.world.noise import Readings, generator
+from sim_instruments.world.noise import ReadingNoise, generator
 from sim_instruments.world.piecewise import Array, Rows, gauss
 from sim_instruments.world.table import MOMENT_S, Table, earth_rate_rad_per_s
 
@@ -250,7 +250,7 @@ class Navigator:
         self._levelling = 1.0 / levels_in_s
         level, heading = (truth.quantity(f"{of}_noise", "rad") for of in ("level", "heading"))
         sigma = np.array([level, level, heading])
-        self._noise = Readings(sigma, NOISE_CELL_S, generator(seed, "navigator-noise"))
+        self._noise = ReadingNoise(sigma, NOISE_CELL_S, generator(seed, "navigator-noise"))
         self.powered = False
         self._alignments: list[_Alignment] = []
 

@@ -112,7 +112,7 @@ class Normals(Blocks):
         return result
 
 
-class Readings:
+class ReadingNoise:
     """Noise of readings: new in every cell, `sigma` (one for each column) in size."""
 
     def __init__(self, sigma: Array, cell_s: float, rng: np.random.Generator) -> None:

@@ -35,7 +35,7 @@ from station.record.layout import EVENTS, LOCK
 from station.recorded import read_plan_and_bench
 from station.results import SCHEMA
 from station.roles.role import role, role_of
-from station.runner.dry_run import DryRun, Extreme, walk
+from station.runner.dry_run import DryRunReport, Extreme, walk
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 from station.runner.resources import in_bytes
@@ -323,7 +323,7 @@ def dut_of(plan: Plan) -> dict[str, str]:
     return {"model": plan.dut.model, "serial": plan.dut.serial}
 
 
-def dry_run_lines(walked: DryRun, plan: Plan, bench: Bench) -> Iterator[str]:
+def dry_run_lines(walked: DryRunReport, plan: Plan, bench: Bench) -> Iterator[str]:
     """Yield the walk as a table of steps and set-points, and what it comes to."""
     title = procedure_of(plan.procedure).title
     yield f"{title}: {plan.dut.model} {plan.dut.serial}, bench {bench.name}"
@@ -375,7 +375,7 @@ def extreme_in_words(extreme: Extreme) -> str:
     return f"{extreme.value:.4g} {extreme.unit} ({extreme.instrument}{note})"
 
 
-def estimated_end(walked: DryRun) -> str:
+def estimated_end(walked: DryRunReport) -> str:
     """Return when a run that begins now would end, or why that is unknown."""
     if walked.speed is None:
         return "unknown: a simulated bench runs on virtual time, where waiting is skipped"

@@ -12,7 +12,7 @@ from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.faulty_server import moved_to
 from station.errors import InputError, StationError
 from station.instruments.bench import Bench
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.roles.base import MadeSafe
 from station.roles.role import role_of
 from station.runner.session import simulators_of
@@ -110,9 +110,9 @@ class Fixture:
             with suppress(Exception):  # a driver that cannot be closed fails a test of its own
                 instrument.close()
 
-    def _place(self, name: str, address: str, limits: Mapping[str, float]) -> Place:
+    def _place(self, name: str, address: str, limits: Mapping[str, float]) -> InstrumentPlace:
         settings = self.bench.instruments[name].settings
-        return Place(name, address, self.clock, settings, limits, self._ask, self._hear)
+        return InstrumentPlace(name, address, self.clock, settings, limits, self._ask, self._hear)
 
     def _whole(self, name: str) -> Any:
         """Return another instrument of the bench, opened because the line under test is its own."""

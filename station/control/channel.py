@@ -47,7 +47,7 @@ PIPE = rf"\\.\pipe\{APPLICATION}-"
 
 
 @dataclass(frozen=True)
-class Place:
+class ChannelAddress:
     """The address of one run's channel, and the file that holds its key."""
 
     address: str
@@ -83,17 +83,17 @@ class Place:
                 path.unlink()
 
 
-def places(run: Path) -> Iterator[Place]:
+def places(run: Path) -> Iterator[ChannelAddress]:
     """Yield the places at which a run may listen, the best one first."""
     digest = hashlib.sha256(os.path.normcase(run.resolve()).encode()).hexdigest()[:16]
     for folder in folders():
         key_file = folder / f"{digest}.key"
         if sys.platform == "win32":
-            yield Place(PIPE + digest, "AF_PIPE", key_file)
+            yield ChannelAddress(PIPE + digest, "AF_PIPE", key_file)
             continue
         address = str(folder / f"{digest}.sock")
         if len(os.fsencode(address)) <= MAX_ADDRESS:
-            yield Place(address, "AF_UNIX", key_file)
+            yield ChannelAddress(address, "AF_UNIX", key_file)
 
 
 def folders() -> Iterator[Path]:
@@ -255,7 +255,7 @@ def send(connection: Connection, answer: Mapping[str, Any], *, final: bool) -> N
     connection.send_bytes(text.encode())
 
 
-def listening(folder: Path) -> tuple[Place, bytes, Listener]:
+def listening(folder: Path) -> tuple[ChannelAddress, bytes, Listener]:
     """Return the first place that the system gives, its key, and who listens there."""
     refused = OSError("there is no folder that only this user can open")
     for place in places(folder):

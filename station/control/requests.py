@@ -40,20 +40,20 @@ class Pausable(Protocol):
 
 
 @dataclass
-class Words:
+class PauseAnswers:
     """What each instrument said to a pause: what it does meanwhile, or why it refuses."""
 
     acknowledged: dict[str, str] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def ask_devices(instruments: Mapping[str, object]) -> Words:
+def ask_devices(instruments: Mapping[str, object]) -> PauseAnswers:
     """Ask every opened instrument that can harm whether it can be left alone now.
 
     One without a verb for that must read back as safe; these are asked first, and no other after
     one that refuses, so that none is changed for a pause that does not come.
     """
-    words = Words()
+    words = PauseAnswers()
     for name, instrument in instruments.items():
         if isinstance(instrument, MadeSafe) and not isinstance(instrument, Pausable):
             ask_for_rest(name, instrument, words)
@@ -68,7 +68,7 @@ def ask_devices(instruments: Mapping[str, object]) -> Words:
     return words
 
 
-def ask_for_rest(name: str, instrument: MadeSafe, words: Words) -> None:
+def ask_for_rest(name: str, instrument: MadeSafe, words: PauseAnswers) -> None:
     """Let the read-back of an instrument's safe state be its word."""
     try:
         reading = instrument.read_safety()

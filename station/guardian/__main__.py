@@ -7,8 +7,8 @@ import signal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from station.guardian.messages import Channel
-    from station.guardian.notes import Words
+    from station.guardian.messages import GuardianLine
+    from station.guardian.notes import OperatorOutput
 
 # A person's wish ends the run, and the guardian after it; the last is for one that is at work.
 POLITE = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGUSR1")
@@ -21,11 +21,11 @@ def main() -> int:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     from station.errors import reason_of
-    from station.guardian.messages import Channel, given_by_parent
-    from station.guardian.notes import Words
+    from station.guardian.messages import GuardianLine, given_by_parent
+    from station.guardian.notes import OperatorOutput
 
-    run = Channel(given_by_parent())
-    words = Words(os.dup(2))
+    run = GuardianLine(given_by_parent())
+    words = OperatorOutput(os.dup(2))
     silence(0, 1, 2)
     try:
         return watch(run, words)
@@ -39,7 +39,7 @@ def main() -> int:
 LAST_WORDS_S = 2.0
 
 
-def watch(run: Channel, words: Words) -> int:
+def watch(run: GuardianLine, words: OperatorOutput) -> int:
     """Get ready, watch, and do what is to be done."""
     from station.guardian.make_safe import MakeSafe
     from station.guardian.messages import Instructions

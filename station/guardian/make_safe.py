@@ -34,7 +34,7 @@ from station.errors import (
     reason_of,
 )
 from station.guardian.messages import DONE, WAITS, Instructions
-from station.guardian.notes import LEAVE, AtWork, Background, GuardianLock, Notes, Words
+from station.guardian.notes import LEAVE, AtWork, Background, GuardianLock, Notes, OperatorOutput
 from station.guardian.watching import OtherProcess, Peer, SafingOrder, end_all, let_end
 from station.instruments.bench import Bench, read_bench
 from station.instruments.beside import Beside
@@ -69,7 +69,7 @@ class MakeSafe:
     Raises FaultList or InputError where the bench file or a driver of it cannot be loaded.
     """
 
-    def __init__(self, instructions: Instructions, words: Words, peer: Peer) -> None:
+    def __init__(self, instructions: Instructions, words: OperatorOutput, peer: Peer) -> None:
         self._folder = Path(instructions.folder)
         self._words = words
         self._peer = peer

@@ -24,7 +24,7 @@ def line_of(message: Mapping[str, Any]) -> bytes:
     return json.dumps(message).encode() + b"\n"
 
 
-class Channel:
+class GuardianLine:
     """One end of a stream socket: a JSON object a line, open files beside it (not on Windows)."""
 
     def __init__(self, end: socket.socket) -> None:

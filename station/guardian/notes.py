@@ -153,7 +153,7 @@ class Background:
             what()
 
 
-class Words:
+class OperatorOutput:
     """What is said to the operator on an open file, which may take nothing at all."""
 
     def __init__(self, file: int) -> None:
@@ -190,7 +190,7 @@ class Notes:
     """
 
     def __init__(
-        self, folder: Path, clock: Clock, words: Words, writer: OtherProcess | None = None
+        self, folder: Path, clock: Clock, words: OperatorOutput, writer: OtherProcess | None = None
     ) -> None:
         self._folder = folder
         self._clock = clock

@@ -32,7 +32,7 @@ from station.guardian.messages import (
     SILENT_FOR_S,
     WATCH,
     WITNESSES,
-    Channel,
+    GuardianLine,
     Instructions,
     Looks,
     Silence,
@@ -73,7 +73,7 @@ class Partner:
             raise
         finally:
             its.close()
-        self.channel = Channel(own)
+        self.channel = GuardianLine(own)
         self.pid = self.process.pid
         self.ready = False
         """Whether it has its drivers and can act."""

@@ -31,7 +31,7 @@ from station.guardian.messages import (
     WAITS,
     WATCH,
     WITNESSES,
-    Channel,
+    GuardianLine,
     Looks,
     Silence,
     message_of,
@@ -145,14 +145,14 @@ class Peer:
         self.waits = False
         """Whether it has said that it goes on trying."""
         self.process: OtherProcess | None = None
-        self.channel: Channel | None = None
+        self.channel: GuardianLine | None = None
         self._silence = Silence()
 
     def becomes(self, end: int, pid: int) -> None:
         """From now on it is process `pid`, at the other end of a socket."""
         if self.channel is not None:
             self.channel.close()
-        self.channel = Channel(socket.socket(fileno=end))
+        self.channel = GuardianLine(socket.socket(fileno=end))
         self.process = OtherProcess(pid)
         self._silence.heard()
 
@@ -231,7 +231,7 @@ class Watching:
 
     def __init__(
         self,
-        run: Channel,
+        run: GuardianLine,
         peer: Peer,
         rank: int,
         ready: Ready,
@@ -313,7 +313,7 @@ class Watching:
                     self._ready.prepare(self._watched)
 
 
-def first_message(run: Channel) -> dict[str, Any] | None:
+def first_message(run: GuardianLine) -> dict[str, Any] | None:
     """Wait for the first message of a run and return it, None where the run ends before it."""
     while not run.ended:
         wait_for_any([run.end])

@@ -41,7 +41,7 @@ class Opened(Protocol):
 
 
 @dataclass(frozen=True)
-class Place:
+class InstrumentPlace:
     """Where an instrument is attached and what the bench file says of it; drivers get one."""
 
     name: str
@@ -135,7 +135,7 @@ def open_one(
     address = addresses.get(name, entry.address or "")
     tracer = trace.of(name, address) if trace else None
     publisher = readings.publisher(name) if readings else None
-    place = Place(
+    place = InstrumentPlace(
         name,
         address,
         clock,

@@ -24,7 +24,7 @@ from station.fields import key_of
 from station.files.yaml.document import plain_scalar
 from station.instruments.attached import serial_ports, visa_resources
 from station.instruments.can_adapters import can_interfaces
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.roles.base import MadeSafe
 from station.roles.role import instances, role_of, roles, roles_of, safe_states
 from station.safety.bounds import COIL
@@ -44,7 +44,7 @@ MODBUS_QUESTION = struct.pack(">HHHBBBBB", 1, 0, 5, 1, 0x2B, 0x0E, 1, 0)
 
 
 @dataclass(frozen=True)
-class Seen:
+class AttachedDevice:
     """Something attached: its address, what it said, and the driver that recognises it.
 
     `answered` is False for what is only listed, as a serial port.
@@ -57,7 +57,9 @@ class Seen:
     serial: str | None = None
 
 
-def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -> list[Seen]:
+def scan(
+    hosts: Iterable[str], library: str, served: Mapping[str, Any] | None
+) -> list[AttachedDevice]:
     """Return what is attached, in a fixed order.
 
     `hosts` are tried on the known ports; `library` is the VISA library; `served`, the first line of
@@ -73,7 +75,7 @@ def scan(hosts: Iterable[str], library: str, served: Mapping[str, Any] | None) -
     return [*visa(library), *ports(), *can_buses(), *answered]
 
 
-def ask_port(host: str, port: int) -> Seen | None:
+def ask_port(host: str, port: int) -> AttachedDevice | None:
     """Ask a TCP port who is there, in the manner of what usually listens on it."""
     ask = ask_can if port in CAN_PORTS else ask_modbus if port == MODBUS_PORT else ask_text
     try:
@@ -84,22 +86,22 @@ def ask_port(host: str, port: int) -> Seen | None:
         return None
 
 
-def ask_text(line: socket.socket, host: str, port: int) -> Seen:
+def ask_text(line: socket.socket, host: str, port: int) -> AttachedDevice:
     """Ask `*IDN?`; OSError when no line comes back."""
     return recognised(f"TCPIP::{host}::{port}::SOCKET", first_line(line))
 
 
-def ask_modbus(line: socket.socket, host: str, port: int) -> Seen:
+def ask_modbus(line: socket.socket, host: str, port: int) -> AttachedDevice:
     """Ask for the device identification; OSError when nothing comes back."""
     line.sendall(MODBUS_QUESTION)
-    return Seen(f"{host}:{port}", modbus_identity(line.recv(MAX_ANSWER)))
+    return AttachedDevice(f"{host}:{port}", modbus_identity(line.recv(MAX_ANSWER)))
 
 
-def ask_can(line: socket.socket, host: str, port: int) -> Seen | None:
+def ask_can(line: socket.socket, host: str, port: int) -> AttachedDevice | None:
     """Wait for the greeting of a CAN daemon; OSError when nothing comes."""
     if line.recv(MAX_ANSWER) != b"< hi >":
         return None
-    return Seen(f"socketcand://{host}:{port}/CHANNEL", "a CAN daemon")
+    return AttachedDevice(f"socketcand://{host}:{port}/CHANNEL", "a CAN daemon")
 
 
 def first_line(line: socket.socket) -> str:
@@ -126,7 +128,7 @@ def modbus_identity(answer: bytes) -> str:
     return "Modbus: " + (", ".join(names) or "a device without a name")
 
 
-def ask_served(entry: tuple[str, Mapping[str, Any]]) -> Seen:
+def ask_served(entry: tuple[str, Mapping[str, Any]]) -> AttachedDevice:
     """Ask a simulated instrument that `station sim` serves."""
     _, entry_data = entry
     address = str(entry_data["address"])
@@ -135,26 +137,28 @@ def ask_served(entry: tuple[str, Mapping[str, Any]]) -> Seen:
         for name, driver in registry.loaded(registry.DRIVERS):
             if getattr(driver, "identifies_on", None) == scheme:
                 with suppress(Exception):  # a driver that cannot is not the one
-                    return identified(driver(Place("scan", address, RealClock())), name, address)
-        return Seen(address, f"{entry_data['protocol']}, no driver recognises it")
+                    return identified(
+                        driver(InstrumentPlace("scan", address, RealClock())), name, address
+                    )
+        return AttachedDevice(address, f"{entry_data['protocol']}, no driver recognises it")
     try:
         with socket.create_connection((entry_data["host"], entry_data["port"]), CONNECT_S) as line:
             return recognised(address, first_line(line))
     except OSError as error:
-        return Seen(address, f"no answer to *IDN? ({error})", answered=False)
+        return AttachedDevice(address, f"no answer to *IDN? ({error})", answered=False)
 
 
-def identified(instrument: Any, driver: str, address: str) -> Seen:
+def identified(instrument: Any, driver: str, address: str) -> AttachedDevice:
     """Return what an instrument says through its driver's own identification."""
     try:
         identity = instrument.identify()
     finally:
         instrument.close()
     answer = ", ".join(str(part) for part in vars(identity).values() if part)
-    return Seen(address, answer, True, driver, identity.serial)
+    return AttachedDevice(address, answer, True, driver, identity.serial)
 
 
-def recognised(address: str, said: str) -> Seen:
+def recognised(address: str, said: str) -> AttachedDevice:
     """Return what answered, with the driver whose pattern `recognises` finds in the answer."""
     said = "".join(letter if letter.isprintable() else " " for letter in said).strip()
     for name, driver in registry.loaded(registry.DRIVERS):
@@ -162,26 +166,30 @@ def recognised(address: str, said: str) -> Seen:
         match = re.search(pattern, said) if pattern else None
         if match is not None:
             serial = match.groupdict().get("serial")
-            return Seen(address, said, True, name, serial.strip() if serial else None)
-    return Seen(address, said)
+            return AttachedDevice(address, said, True, name, serial.strip() if serial else None)
+    return AttachedDevice(address, said)
 
 
-def visa(library: str) -> list[Seen]:
+def visa(library: str) -> list[AttachedDevice]:
     """Ask every resource that a VISA library lists, serial ports left out."""
     return [
-        recognised(address, sentence) if answered else Seen(address, sentence, answered=False)
+        recognised(address, sentence)
+        if answered
+        else AttachedDevice(address, sentence, answered=False)
         for address, sentence, answered in visa_resources(library)
     ]
 
 
-def ports() -> list[Seen]:
+def ports() -> list[AttachedDevice]:
     """List the serial ports of this computer with what their adapters say of themselves."""
-    return [Seen(*serial_port) for serial_port in serial_ports()]
+    return [AttachedDevice(*serial_port) for serial_port in serial_ports()]
 
 
-def can_buses() -> list[Seen]:
+def can_buses() -> list[AttachedDevice]:
     """List the CAN interfaces that python-can detects."""
-    return [Seen(address, sentence, answered=False) for address, sentence in can_interfaces()]
+    return [
+        AttachedDevice(address, sentence, answered=False) for address, sentence in can_interfaces()
+    ]
 
 
 FILL_IN = "FILL IN"
@@ -204,7 +212,7 @@ CALIBRATION = f"""\
 """
 
 
-def draft(seen: Iterable[Seen]) -> str:
+def draft(seen: Iterable[AttachedDevice]) -> str:
     """Return the text of a bench file; whatever no driver recognises stands in comments."""
     free = list(instances())
     entries, rest, safe = [], [], []
@@ -271,7 +279,7 @@ def free_places(driver: str, free: Iterable[str]) -> list[str]:
 
 
 def entry_lines(
-    instance: str, seen: Seen, driver: type, others: Sequence[str] = ()
+    instance: str, seen: AttachedDevice, driver: type, others: Sequence[str] = ()
 ) -> Iterator[str]:
     """Yield the lines of one instrument; `others` are drivers that it may be meant for, too."""
     role = roles()[role_of(instance)]

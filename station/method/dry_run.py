@@ -62,7 +62,7 @@ class Act:
 
 
 @dataclass(frozen=True)
-class Recording:
+class ExpectedRows:
     """The rows that a source is expected to give, and the bench time in s over which they come."""
 
     instrument: str
@@ -79,7 +79,7 @@ class Forecast:
     """
 
     set_points: tuple[SetPoint, ...] = ()
-    recordings: tuple[Recording, ...] = ()
+    recordings: tuple[ExpectedRows, ...] = ()
     held_bytes: int | None = None
 
 
@@ -123,7 +123,7 @@ class Walk:
             set_points += kind.declare(step, [command for _, command in group], bench)
         return tuple(set_points)
 
-    def recordings(self, bench: Bench) -> tuple[Recording, ...]:
+    def recordings(self, bench: Bench) -> tuple[ExpectedRows, ...]:
         """Return the rows of each source over a whole run."""
         by_source: dict[str, list[Rows]] = {}
         for rows in (rows for act in self.acts for rows in act.rows):
@@ -131,13 +131,13 @@ class Walk:
         return tuple(recording_of(source, rows, bench) for source, rows in by_source.items())
 
 
-def recording_of(source: str, rows: Sequence[Rows], bench: Bench) -> Recording:
+def recording_of(source: str, rows: Sequence[Rows], bench: Bench) -> ExpectedRows:
     """Return all rows of one source."""
     count = sum(row.count for row in rows if row.count is not None)
     uncounted_s = sum(row.duration_s for row in rows if row.count is None)
     if uncounted_s:
         count += uncounted_s / reading_period_s(bench, source)
-    return Recording(source, math.ceil(count - 1e-6), sum(row.duration_s for row in rows))
+    return ExpectedRows(source, math.ceil(count - 1e-6), sum(row.duration_s for row in rows))
 
 
 def reading_period_s(bench: Bench, gaussmeter: str) -> float:

@@ -63,7 +63,7 @@ class Walked:
 
 
 @dataclass(frozen=True)
-class DryRun:
+class DryRunReport:
     """A walk through a plan; `speed` is None where waiting is skipped: end time unknown."""
 
     steps: tuple[Walked, ...]
@@ -102,7 +102,9 @@ class DryRun:
         }
 
 
-def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | None = None) -> DryRun:
+def walk(
+    plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | None = None
+) -> DryRunReport:
     """Walk the steps of a plan on a bench; nothing is opened and nothing is written.
 
     `served` is the first line of a `station sim` that the run would use.
@@ -118,7 +120,7 @@ def walk(plan: Plan, bench: Bench, output: Path, served: Mapping[str, Any] | Non
         whole += duration
     disk, memory = disk_of(foreseen, bench, output, clock), memory_of(foreseen)
     speed: float | None = getattr(clock, "speed", None)
-    return DryRun(
+    return DryRunReport(
         steps=tuple(steps),
         extremes=tuple(extremes(foreseen.set_points, bench)),
         duration=whole,

@@ -24,7 +24,7 @@ from station.errors import NotAcknowledged
 from station.files.faults import FaultList
 from station.files.yaml.reading import read_yaml
 from station.safety import trip_notes
-from station.safety.trip_notes import Note, address_key, identity_key, system_places
+from station.safety.trip_notes import TripNote, address_key, identity_key, system_places
 
 APPLICATION = "inertial-station"
 HISTORY = "acknowledged.jsonl"
@@ -160,7 +160,7 @@ def read_note(note: Path) -> Trip:
         return trip_in(None, note)
 
 
-def notes_of_instruments(addresses: Collection[str]) -> list[Note]:
+def notes_of_instruments(addresses: Collection[str]) -> list[TripNote]:
     """Return the notes that nobody has acknowledged on what is at these addresses."""
     return list(trip_notes.find(places(), [address_key(address) for address in addresses]))
 

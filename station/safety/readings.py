@@ -26,7 +26,7 @@ MAX_NOTES = 200
 """Between two looks of the run at what drivers have noted."""
 
 
-class Note(NamedTuple):
+class DriverNote(NamedTuple):
     """What a driver has to say of its line, and the run time in s at which it happened."""
 
     instrument: str
@@ -45,7 +45,7 @@ class Readings:
         self._clock = clock
         self._newest: dict[tuple[str, str], Reading] = {}
         self._told: list[Callable[[str, str, str], None]] = []
-        self._notes: deque[Note] = deque()
+        self._notes: deque[DriverNote] = deque()
         self._dropped = 0
         self._notes_lock = Lock()
 
@@ -70,7 +70,7 @@ class Readings:
         """Return what the driver of an instrument notes events with; it never waits."""
 
         def note(kind: str, details: Mapping[str, Any]) -> None:
-            entry = Note(instrument, kind, dict(details), self._clock.now())
+            entry = DriverNote(instrument, kind, dict(details), self._clock.now())
             with self._notes_lock:
                 if len(self._notes) < MAX_NOTES:
                     self._notes.append(entry)
@@ -79,7 +79,7 @@ class Readings:
 
         return note
 
-    def take_notes(self) -> tuple[list[Note], int]:
+    def take_notes(self) -> tuple[list[DriverNote], int]:
         """Return what was noted since the last look, and how many more there was no room for."""
         if not self._notes:
             return [], 0

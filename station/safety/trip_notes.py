@@ -60,7 +60,7 @@ def identity_key(model: str, serial: str) -> str | None:
 
 
 @dataclass(frozen=True)
-class Note:
+class TripNote:
     """A trip as it stands in a place: its id, its text, None where it cannot be read."""
 
     place: Path
@@ -68,7 +68,7 @@ class Note:
     text: str | None
 
 
-def find(places: tuple[Path, ...], keys: list[str]) -> Iterator[Note]:
+def find(places: tuple[Path, ...], keys: list[str]) -> Iterator[TripNote]:
     """Yield every note on one of these keys that nobody has acknowledged."""
     wanted = {digest(key) for key in keys}
     for place in places:
@@ -80,7 +80,7 @@ def find(places: tuple[Path, ...], keys: list[str]) -> Iterator[Note]:
                     of, _, rest = name.partition("-")
                     trip, is_note, _ = rest.partition(".json")
                     if of in wanted and is_note and trip not in done:
-                        yield Note(place, trip, folder.read(name))
+                        yield TripNote(place, trip, folder.read(name))
         except OSError:
             continue  # a place that is not there, or may not be read
 
@@ -100,7 +100,7 @@ def write(places: tuple[Path, ...], keys: list[str], trip: str, text: str) -> Pa
     raise failed or FileNotFoundError("there is no place for it")
 
 
-def acknowledge(note: Note, text: str) -> None:
+def acknowledge(note: TripNote, text: str) -> None:
     """Write beside a note who acknowledged its trip; raises OSError."""
     with opened(note.place / FOLDER) as folder, suppress(FileExistsError):
         folder.write(f"{note.trip}{ACKNOWLEDGED}", text)

@@ -27,7 +27,7 @@ from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import moved_to
 from station.conformance.fixture import Fixture
 from station.errors import InstrumentError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.roles.base import EXCHANGE_DEADLINE_S
 from station.roles.role import role
 
@@ -284,7 +284,7 @@ def replayed(name: str, acts: Callable[[bytes], Acts]) -> Iterator[Any]:
     entry = bench_for(name).instruments[name_of(name)]
     numbered = 2 if LINES[name] in MODBUS_TCP else 0
     with no_thread_left(), Replay(answers, acts, numbered) as wire:
-        place = Place(
+        place = InstrumentPlace(
             name_of(name),
             str(moved_to(address, wire.port)),
             RealClock(),

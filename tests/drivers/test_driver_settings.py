@@ -29,7 +29,7 @@ from station.files.yaml.document import Document
 from station.files.yaml.reading import read_yaml_text
 from station.instruments.addresses import why_unknown
 from station.instruments.bench import Bench, bench_of, faults_of_use
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.roles import Driver, DriverSettings
 from station.roles.role import kind_of, quantities_of, roles, roles_of
 
@@ -183,7 +183,7 @@ def test_wrong_types_and_values_out_of_range_are_refused_at_their_place(
     assert f"instruments.{name}.settings." in found and fault in found
     if "outer_axis" not in settings:  # that is for a procedure to read
         limits = dict.fromkeys(("current", "voltage", "slew", "zero_current"), 1.0)
-        place = Place(name, "TCPIP::127.0.0.1::1::SOCKET", RealClock(), settings, limits)
+        place = InstrumentPlace(name, "TCPIP::127.0.0.1::1::SOCKET", RealClock(), settings, limits)
         with pytest.raises(InstrumentError, match="read the bench file: its settings are wrong"):
             DRIVERS[driver](place)
 

@@ -30,7 +30,7 @@ from station.clock import VirtualClock
 from station.control.questions import Operator
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.method.duration import NO_TIME
 from station.method.verbs import Recording
 from station.procedure import Procedures
@@ -224,7 +224,7 @@ def four_streams(parent: Path, *, seed: int = 1, duration_s: float = 60.0) -> Pa
     def open_instrument(name: str) -> Any:
         entry = data["instruments"][name]
         limits = {"current": 8.0, "voltage": 30.0, "slew": 2.0, "zero_current": 0.02}
-        place = Place(
+        place = InstrumentPlace(
             name,
             simulated.instruments[name]["address"],
             clock,

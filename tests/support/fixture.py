@@ -17,7 +17,7 @@ from sim_instruments.truth import Truth
 from sim_instruments.world.base import Room
 from station.clock import Clock, VirtualClock
 from station.errors import InstrumentError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.method.verbs import POLL_S
 from station.safety.readings import Readings
 
@@ -55,8 +55,8 @@ class Fixture:
             )
             faults.add(fault[0], at_message=fault[1])
 
-    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
-        return Place(
+    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> InstrumentPlace:
+        return InstrumentPlace(
             self.name,
             self.instruments[self.name]["address"],
             self.clock,
@@ -120,7 +120,7 @@ def standing(
 def opened(
     name: str,
     maker: Callable[[Setting], Any],
-    driver: Callable[[Place], Any],
+    driver: Callable[[InstrumentPlace], Any],
     truth: Mapping[str, Any],
     room: Any,
     *faults: Mapping[str, Any],

@@ -19,7 +19,7 @@ from sim_instruments.world import base as world
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
 from station.clock import Clock
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 NAME = "signal_generator.xy"
 TRUTH: dict[str, Any] = {
@@ -66,7 +66,7 @@ class Fixture(AnyFixture):
         maker, self.driver, serial = MODELS[model]
         super().__init__(clock, NAME, maker, truth, room, *faults, serial=serial)
 
-    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
+    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> InstrumentPlace:
         given = {"load": "high-impedance", **settings}
         return super().place({"voltage": 9.0} if limits is None else limits, **given)
 

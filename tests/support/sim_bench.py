@@ -18,7 +18,7 @@ from sim_instruments.generic.can_pulse_board import CanPulseBoard
 from sim_instruments.kepco.bop import KepcoBop
 from sim_instruments.lakeshore.gaussmeter_f71 import LakeshoreF71
 from station.clock import Clock, VirtualClock
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.safety.readings import Readings
 
 SIMULATORS: dict[str, Maker] = {
@@ -172,7 +172,7 @@ class ServedInstrument:
     def opened(self, limits: Mapping[str, float], **settings: Any) -> Any:
         """Return the driver, opened."""
         return self.maker(
-            Place(
+            InstrumentPlace(
                 self.name,
                 self.address,
                 self.clock,

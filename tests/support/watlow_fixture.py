@@ -21,7 +21,7 @@ from sim_instruments.watlow.plant import ROOM
 from sim_instruments.world import base as world
 from sim_instruments.world.chamber import Chamber
 from station.clock import Clock
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 NAME = "thermal_chamber"
 LIMITS = {"temperature_low": -45.0, "temperature_high": 70.0}
@@ -78,7 +78,7 @@ class Fixture(AnyFixture):
             clock, NAME, SIMULATORS[model], whole, room, *faults, serial=SERIALS[model]
         )
 
-    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> Place:
+    def place(self, limits: Mapping[str, float] | None = None, **settings: Any) -> InstrumentPlace:
         given = {**SETTINGS[self.model], **settings}
         return super().place(LIMITS if limits is None else limits, **given)
 

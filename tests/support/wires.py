@@ -15,7 +15,7 @@ import pytest
 from drivers.kepco.bop import KepcoBop
 from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71
 from station.clock import RealClock
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 NO_ERROR = b'0,"No error"\n'
 
@@ -161,9 +161,9 @@ def line_to(wire: Wire) -> str:
 
 def supply(wire: Wire) -> KepcoBop:
     settings = {"coil_constant": "0.3 mT/A"}
-    return KepcoBop(Place("coil_supply.x", line_to(wire), RealClock(), settings, LIMITS))
+    return KepcoBop(InstrumentPlace("coil_supply.x", line_to(wire), RealClock(), settings, LIMITS))
 
 
 def gaussmeter(wire: Wire) -> LakeshoreF71:
     settings = {"averaging": "100 ms", "timestamp": "interval-end"}
-    return LakeshoreF71(Place("gaussmeter", line_to(wire), RealClock(), settings))
+    return LakeshoreF71(InstrumentPlace("gaussmeter", line_to(wire), RealClock(), settings))

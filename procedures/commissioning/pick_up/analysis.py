@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Readings:
+class PickUpReadings:
     """Readings (n,) in uV at times in s, and the frequency in Hz of the drive."""
 
     time_s: Array
@@ -30,7 +30,7 @@ class Readings:
 class PickUpDataset:
     """The readings by driven coil, and those with all coils `off`."""
 
-    readings: Mapping[str, Readings]
+    readings: Mapping[str, PickUpReadings]
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def limit_of(line: Line) -> float:
     return PICK_UP_UV + COVERAGE * line.u_uV
 
 
-def line_of(data: Readings) -> Line:
+def line_of(data: PickUpReadings) -> Line:
     """Return the line of a record of at least six readings; ValueError of fewer."""
     if len(data.time_s) < 6:
         raise ValueError("a line needs six readings")

@@ -10,7 +10,7 @@ from procedures.commissioning.not_measured import not_measured
 from station.findings import Findings, findings_of
 from station.roles.base import ARRIVAL
 
-from .analysis import PickUpDataset, Readings, analyse, beyond_range
+from .analysis import PickUpDataset, PickUpReadings, analyse, beyond_range
 from .parameters import COILS, FREQUENCY, OFF, RESULTS, PickUpParameters, unit_of
 from .steps import METER, RANGE_V
 
@@ -34,10 +34,10 @@ def findings(folder: RunFolder, parameters: PickUpParameters, bench: Bench) -> F
     return findings_of(analyse(data), data, [])
 
 
-def readings_of(folder: RunFolder, unit: str) -> Readings:
+def readings_of(folder: RunFolder, unit: str) -> PickUpReadings:
     """Return the readings of a record, all of them within the range."""
     rows = folder.rows(METER, unit)
-    return Readings(
+    return PickUpReadings(
         np.asarray(rows[ARRIVAL]),
         rows["voltage_V"] * UV_PER_V,
         float(folder.finished_units()[unit][FREQUENCY]),

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from station.record.export.reading import Recording, blocks_of, exported_file, sources
+from station.record.export.reading import RecordedSource, blocks_of, exported_file, sources
 from station.record.files import A_COPY, not_written
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def export_csv(folder: RunFolder, place: Path) -> None:
             remove_other_state(path)
 
 
-def file_name(recording: Recording) -> str:
+def file_name(recording: RecordedSource) -> str:
     """Return the name of a unit's file, safe on every system."""
     unit = re.sub(r"[^A-Za-z0-9._-]+", "_", recording.unit)
     return f"{recording.source}-{unit}{'' if recording.finished else UNFINISHED}.csv"
@@ -61,7 +61,7 @@ def remove_other_state(path: Path) -> None:
     path.with_name(f"{other}.csv").unlink(missing_ok=True)
 
 
-def headers(recording: Recording) -> list[str]:
+def headers(recording: RecordedSource) -> list[str]:
     """Return the recorded column names; one that does not end with its unit gets it in brackets."""
     return [
         column.name

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from station import __version__
 from station.record.export.reading import (
     Column,
-    Recording,
+    RecordedSource,
     blocks_of,
     exported_file,
     sources,
@@ -80,7 +80,7 @@ def write_source(raw: h5py.Group, folder: RunFolder, source: str) -> None:
 class UnitWriter:
     """One unit of work of one source: an NXdata group whose datasets grow by whole chunks."""
 
-    def __init__(self, parent: h5py.Group, recording: Recording) -> None:
+    def __init__(self, parent: h5py.Group, recording: RecordedSource) -> None:
         self._recording = recording
         self._waiting: list[dict[str, NDArray[Any]]] = []
         self._rows = 0

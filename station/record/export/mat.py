@@ -18,7 +18,13 @@ from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
 from station.errors import RecordError
-from station.record.export.reading import Recording, blocks_of, exported_file, sources, texts_of
+from station.record.export.reading import (
+    RecordedSource,
+    blocks_of,
+    exported_file,
+    sources,
+    texts_of,
+)
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -92,7 +98,7 @@ def export_mat(folder: RunFolder, path: Path) -> None:
 def source_struct(folder: RunFolder, source: str) -> dict[str, Any]:
     """Return the struct of a source, a field for each unit of work."""
     blocks: dict[str, list[dict[str, NDArray[Any]]]] = {}
-    recordings: dict[str, Recording] = {}
+    recordings: dict[str, RecordedSource] = {}
     for recording, rows in blocks_of(folder, source):
         recordings[recording.unit] = recording
         blocks.setdefault(recording.unit, []).append(recording.arrays(rows))
@@ -102,7 +108,7 @@ def source_struct(folder: RunFolder, source: str) -> dict[str, Any]:
     }
 
 
-def unit_struct(recording: Recording, blocks: list[dict[str, NDArray[Any]]]) -> dict[str, Any]:
+def unit_struct(recording: RecordedSource, blocks: list[dict[str, NDArray[Any]]]) -> dict[str, Any]:
     """Return the struct of a unit of work: its columns, and what they are."""
     own = ("unit_of_work", "finished", "units", "long_names")
     columns = recording.columns

@@ -83,7 +83,7 @@ class CountedTime:
 
 
 @dataclass
-class Recording:
+class RecordedSource:
     """One unit of work of one source: `columns` as recorded, and times counted from them."""
 
     source: str
@@ -133,14 +133,14 @@ def sources(folder: RunFolder) -> list[str]:
     return sorted({source_of(path.name) for path in raw_files(folder.path)})
 
 
-def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[Recording, NDArray[Any]]]:
+def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[RecordedSource, NDArray[Any]]]:
     """Yield the blocks of a source, each with the unit of work it belongs to, as recorded.
 
     Damaged blocks are passed over; a unit that the folder leaves out counts as unfinished. Of a
     unit that a resumed run measured again, only the segment that finished it is given.
     """
     finished = {event.details["unit"]: event.details for event in folder.events_of("unit-finished")}
-    known: dict[str, Recording] = {}
+    known: dict[str, RecordedSource] = {}
     for path in (file for file in raw_files(folder.path) if source_of(file.name) == source):
         for unit, described, rows in read_blocks(path):
             if unit in finished and int(finished[unit].get("segment", 0)) != segment_of(path.name):
@@ -154,7 +154,7 @@ def blocks_of(folder: RunFolder, source: str) -> Iterator[tuple[Recording, NDArr
 
 def recording(
     source: str, unit: str, finished: bool, described: Mapping[str, str], rows: NDArray[Any]
-) -> Recording:
+) -> RecordedSource:
     """Return what a unit of work of a source holds, as its driver described the columns."""
     names: Sequence[str] = rows.dtype.names or ()
     columns = tuple(
@@ -165,7 +165,7 @@ def recording(
         for column in columns
         if rows[column.name].dtype.kind in "ui" and (match := INTERVAL.search(column.meaning))
     )
-    return Recording(source, unit, finished, columns, counted)
+    return RecordedSource(source, unit, finished, columns, counted)
 
 
 def unit_of(meaning: str) -> str:

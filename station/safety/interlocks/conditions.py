@@ -32,12 +32,12 @@ Watched = tuple[str, str]
 class ReadsQuantities(Protocol):
     """Whoever can read a quantity."""
 
-    def look(self, instrument: str, quantity: str) -> Seen:
+    def look(self, instrument: str, quantity: str) -> LatestReading:
         """Return what is to be seen of a quantity now; never raises for an instrument."""
         ...
 
 
-class Seen(NamedTuple):
+class LatestReading(NamedTuple):
     """A reading; or none, with the reason why, and whether the instrument may say nothing now."""
 
     reading: Reading | None
@@ -257,7 +257,7 @@ class QuantityReader:
     clock: Clock
     fresh_s: float
 
-    def look(self, instrument: str, quantity: str) -> Seen:
+    def look(self, instrument: str, quantity: str) -> LatestReading:
         """Return the newest reading while it is fresh, else ask the instrument.
 
         Raises InputError where the bench file watches what its driver cannot be asked for.
@@ -276,9 +276,9 @@ class QuantityReader:
         except (ClockStopped, ClockError, InputError):
             raise
         except Exception as error:  # whatever it is, what cannot be read protects nobody
-            return Seen(None, f"cannot be read: {error}")
+            return LatestReading(None, f"cannot be read: {error}")
         if value is None:
-            return Seen(None, "is not measured now", excused=True)
+            return LatestReading(None, "is not measured now", excused=True)
         newest = self.readings.newest(instrument, quantity)
         if newest is None or newest.value != value or newest.time_s != self.clock.now():
             # The driver has not published it by itself.
@@ -299,11 +299,11 @@ class QuantityReader:
         return f" ({explained})" if explained else ""
 
 
-def in_unit_of_role(reading: Reading, instrument: str, quantity: str) -> Seen:
+def in_unit_of_role(reading: Reading, instrument: str, quantity: str) -> LatestReading:
     """Return a reading as seen; as none where its number is in another unit than its limits."""
     wanted = kind_of(instrument, quantity).unit
     if isinstance(reading.value, str) or reading.unit == wanted:
-        return Seen(reading)
-    return Seen(
+        return LatestReading(reading)
+    return LatestReading(
         None, f"is published in {reading.unit or 'no unit'} instead of {wanted} by its driver"
     )

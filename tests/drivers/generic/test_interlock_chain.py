@@ -14,7 +14,7 @@ from sim_instruments.bench import SimulatedBench
 from sim_instruments.truth import SimulationError
 from station.clock import RealClock, VirtualClock
 from station.errors import InstrumentError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.report.run_report import notes_of
 
 
@@ -64,7 +64,7 @@ def test_the_driver_sees_the_state_and_the_contacts(
 ) -> None:
     published: list[tuple[str, float | str]] = []
     address = bench.instruments[CHAIN]["address"]
-    place = Place(
+    place = InstrumentPlace(
         CHAIN, address, clock, publisher=lambda name, value, _: published.append((name, value))
     )
     chain = InterlockChainLine(place)
@@ -83,7 +83,7 @@ def test_the_driver_sees_the_state_and_the_contacts(
 @pytest.mark.parametrize("answer", [b"MAYBE\n", b"\n", b"closed\n", b"CLOSED,OPEN\n"])
 def test_whatever_is_not_closed_or_open_is_told_and_never_counts_as_closed(answer: bytes) -> None:
     with Wire((answer,)) as wire:
-        chain = InterlockChainLine(Place(CHAIN, line_to(wire), RealClock()))
+        chain = InterlockChainLine(InstrumentPlace(CHAIN, line_to(wire), RealClock()))
         with pytest.raises(InstrumentError, match="where CLOSED or OPEN belongs"):
             chain.is_closed()
         chain.close()

@@ -39,7 +39,7 @@ from sim_instruments.truth import SimulationError
 from sim_instruments.wire.frames import crc32
 from station.clock import Clock, RealClock, VirtualClock
 from station.errors import InputError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.roles import NavigatorStatus
 
 both = pytest.mark.parametrize("kind", KINDS)
@@ -421,7 +421,7 @@ def test_a_new_client_takes_the_serial_line_over() -> None:
 
 def opened(kind: str, simulation: SimulatedBench, clock: Clock) -> Any:
     driver: Any = CanNavigator if kind == "can" else SerialNavigator
-    return driver(Place(NAME, simulation.instruments[NAME]["address"], clock))
+    return driver(InstrumentPlace(NAME, simulation.instruments[NAME]["address"], clock))
 
 
 @pytest.mark.parametrize("kind", KINDS)

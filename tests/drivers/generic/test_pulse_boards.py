@@ -14,7 +14,7 @@ from sim_instruments.wire.frames import crc32
 from station.clock import VirtualClock
 from station.conformance.faulty_server import FaultyServer
 from station.errors import InstrumentError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 BOARD = ("gyro_acquisition", "rlg-magnetic-sensitivity", "sim-alternate")
 
@@ -42,7 +42,7 @@ def test_a_board_on_can_that_answers_oddly_is_reported(kind: str, clock: Virtual
     answer, states = ODD_ANSWERS[kind]
     with clock.participant("test"), FaultyServer(clock, lambda _: answer, can=True) as server:
         address = f"socketcand://127.0.0.1:{server.port}/can0"
-        board = CanPulseBoard(Place("gyro_acquisition", address, clock))
+        board = CanPulseBoard(InstrumentPlace("gyro_acquisition", address, clock))
         with pytest.raises(InstrumentError, match=states):
             board.identify()
         board.close()

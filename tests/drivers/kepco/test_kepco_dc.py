@@ -19,7 +19,7 @@ from sim_instruments.bench import SimulatedBench
 from sim_instruments.kepco.bop import KepcoBop as SimulatedKepco
 from station.clock import VirtualClock
 from station.errors import InstrumentError, PauseRefused
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.units import parse_as
 
 NAME = "coil_supply.dc"
@@ -33,7 +33,9 @@ SLEW = LIMITS["slew"]
 class Bench:
     """The supply in its world, seen from both sides."""
 
-    def __init__(self, clock: VirtualClock, simulation: SimulatedBench, place: Place) -> None:
+    def __init__(
+        self, clock: VirtualClock, simulation: SimulatedBench, place: InstrumentPlace
+    ) -> None:
         self.clock, self.simulation = clock, simulation
         self.supply = KepcoBop(place)
         self.coil = simulation._world.coil("dc")
@@ -73,7 +75,7 @@ def bench(
             {"kepco-bop-36-12": SimulatedKepco},
         )
         address = simulation.instruments[NAME]["address"]
-        place = Place(
+        place = InstrumentPlace(
             NAME,
             address,
             clock,

@@ -20,7 +20,7 @@ from station.clock import RealClock
 from station.errors import InstrumentError
 from station.instruments.addresses import forms_of, why_unknown
 from station.instruments.can_adapters import can_interfaces
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.roles.can_addresses import can_address
 
 
@@ -56,7 +56,7 @@ def test_a_driver_speaks_to_its_board_on_a_virtual_bus() -> None:
     def note(what: str, details: Mapping[str, Any]) -> None:
         notes.append((what, dict(details)))
 
-    place = Place("gyro_acquisition", "can://virtual/room-3", RealClock(), noter=note)
+    place = InstrumentPlace("gyro_acquisition", "can://virtual/room-3", RealClock(), noter=note)
     with board_on("room-3"):
         board = CanPulseBoard(place)
         try:
@@ -91,7 +91,7 @@ def test_frames_go_over_an_slcan_adapter_on_a_serial_port() -> None:
     clock = RealClock()
     try:
         address = f"can://slcan/{adapter.name}?bitrate=250000&sleep_after_open=0"
-        line = CanLine(Place("board", address, clock), {0x111: "SAMPLE"})
+        line = CanLine(InstrumentPlace("board", address, clock), {0x111: "SAMPLE"})
         try:
             line.send(0x100, b"\x01\x02")
             adapter.read_until(b"t10020102\r")
@@ -128,7 +128,7 @@ def test_a_wrong_can_address_is_refused_with_what_to_write(address: str, says: s
     found = why_unknown(address)
     assert found is not None and says in found
     with pytest.raises(InstrumentError, match="in the bench file"):
-        CanLine(Place("board", address, RealClock()), {})
+        CanLine(InstrumentPlace("board", address, RealClock()), {})
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_settings_of_an_adapter_make_no_other_bus() -> None:
 
 def test_an_adapter_that_is_not_there_is_named() -> None:
     with pytest.raises(InstrumentError, match=r"nothing answers there .slcan: .*check the adapter"):
-        CanLine(Place("board", "can://slcan//nowhere/ttyACM9", RealClock()), {})
+        CanLine(InstrumentPlace("board", "can://slcan//nowhere/ttyACM9", RealClock()), {})
 
 
 def test_a_stamped_frame_came_before_it_was_taken() -> None:

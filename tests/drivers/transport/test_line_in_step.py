@@ -21,7 +21,7 @@ from drivers.transport.text_line import SerialLine, TextLine
 from drivers.transport.visa_line import VisaLine
 from station.clock import RealClock, boot_seconds
 from station.errors import InstrumentError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.safety.safe_state import make_bench_safe
 
 IDENTITY = "KEPCO,BIT 802E 36-12,H148202,1.15-1.80"
@@ -85,11 +85,13 @@ def line_to(
     line: TextLine
     if kind == "visa":
         address = f"TCPIP::127.0.0.1::{device.port}::SOCKET"
-        line = VisaLine(Place("it", address, RealClock(), noter=note), repeatable=HARMLESS)
+        line = VisaLine(
+            InstrumentPlace("it", address, RealClock(), noter=note), repeatable=HARMLESS
+        )
     else:
         address = f"socket://127.0.0.1:{device.port}"
         line = SerialLine(
-            Place("it", address, RealClock(), noter=note),
+            InstrumentPlace("it", address, RealClock(), noter=note),
             SerialSettings(baud_rate=9600),
             answer_end="\n",
             repeatable=HARMLESS,
@@ -333,7 +335,7 @@ def test_a_supply_that_drives_five_ampere_is_never_called_safe(stray: bytes) -> 
         device = Device(Stubborn(nth, stray))
         address = f"TCPIP::127.0.0.1::{device.port}::SOCKET"
         limits = {**LIMITS, "slew": 200.0}
-        place = Place(
+        place = InstrumentPlace(
             "coil_supply.x", address, RealClock(40.0), {"coil_constant": "1 mT/A"}, limits
         )
         supply = KepcoBop(place)
@@ -385,7 +387,7 @@ class Kept(KeptFrames[bytes]):
 
 def test_frames_that_nobody_takes_are_dropped_with_an_event() -> None:
     notes: list[str] = []
-    place = Place("it", "", RealClock(), noter=lambda what, _: notes.append(what))
+    place = InstrumentPlace("it", "", RealClock(), noter=lambda what, _: notes.append(what))
     frames = Kept(place, "nowhere", lambda _: 1)
     for _ in range(12):
         frames.flooded(MAX_FRAMES // 10)
@@ -400,7 +402,7 @@ def test_a_stream_of_rubbish_is_not_kept() -> None:
 
     device = Device(says)
     try:
-        place = Place("it", f"socket://127.0.0.1:{device.port}", RealClock())
+        place = InstrumentPlace("it", f"socket://127.0.0.1:{device.port}", RealClock())
         settings = SerialSettings(baud_rate=9600)
         stream = SerialStream(place, settings, lambda data: Split([], data, 0))
         stream.send(b"go\n")

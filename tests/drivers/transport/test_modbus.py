@@ -18,7 +18,7 @@ from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 SETTINGS = ModbusSettings(baud_rate=19200)
 MODELS = ("f4t", "f4")
@@ -204,7 +204,7 @@ def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
 def test_an_answer_to_nothing_that_was_asked_is_none(answer: bytes, says: str) -> None:
     clock = VirtualClock()
     with clock.participant("test"), FaultyServer(clock, lambda data: answer) as server:
-        place = Place(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
+        place = InstrumentPlace(NAME, f"modbus-tcp://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, SETTINGS)
         assert says in error_of(lambda: modbus.read(100))
         modbus.close()
@@ -225,7 +225,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
     asked: list[bytes] = []
     clock = VirtualClock()
     with clock.participant("test"), FaultyServer(clock, answer) as server:
-        place = Place(NAME, f"socket://127.0.0.1:{server.port}", clock, {}, {})
+        place = InstrumentPlace(NAME, f"socket://127.0.0.1:{server.port}", clock, {}, {})
         modbus = ModbusLine(place, SETTINGS, Repeatable(r"read \d+"))
         assert modbus.read(107) == [77]
         assert modbus.doubts == 1
@@ -249,7 +249,7 @@ def test_a_frame_too_many_in_one_piece_with_the_answer_is_in_doubt(first: bool) 
     ],
 )
 def test_an_address_where_nobody_is_is_reported(address: str, why: str) -> None:
-    place = Place(NAME, address, RealClock(), {}, {})
+    place = InstrumentPlace(NAME, address, RealClock(), {}, {})
     text = error_of(lambda: ModbusLine(place, SETTINGS))
     assert f"{NAME}: open {address}: {why}" in text
 

@@ -15,7 +15,7 @@ from station import registry
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.instruments.addresses import why_unknown
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 
 @pytest.fixture
@@ -30,7 +30,9 @@ def port() -> Iterator[str]:
 def opened(driver: str, address: str, **settings: str) -> str:
     """Return what the driver says of an address that cannot be opened."""
     with pytest.raises(InstrumentError) as raised:
-        registry.load(registry.DRIVERS, driver)(Place("multimeter", address, RealClock(), settings))
+        registry.load(registry.DRIVERS, driver)(
+            InstrumentPlace("multimeter", address, RealClock(), settings)
+        )
     return str(raised.value)
 
 

@@ -16,15 +16,17 @@ from drivers.transport.text_line import SerialLine
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer, closed_port
 from station.errors import InstrumentError, InstrumentTimeout
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 SETTINGS = SerialSettings(baud_rate=9600)
 pty = pytest.importorskip("pty", reason="pseudo-terminals are of POSIX")
 
 
-def place(clock: Clock, address: str, heard: list[tuple[str, bytes]] | None = None) -> Place:
+def place(
+    clock: Clock, address: str, heard: list[tuple[str, bytes]] | None = None
+) -> InstrumentPlace:
     trace = None if heard is None else (lambda way, data: heard.append((way, data)))
-    return Place("stage", address, clock, trace=trace)
+    return InstrumentPlace("stage", address, clock, trace=trace)
 
 
 class Acts:
@@ -89,7 +91,7 @@ def test_nobody_at_the_port_is_told() -> None:
     ],
 )
 def test_wrong_serial_settings_are_told(wrong: dict[str, Any]) -> None:
-    where = Place("stage", "socket://127.0.0.1:1", RealClock(), wrong)
+    where = InstrumentPlace("stage", "socket://127.0.0.1:1", RealClock(), wrong)
     with pytest.raises(InstrumentError, match="its settings are wrong"):
         SerialSettings.of(where)
 

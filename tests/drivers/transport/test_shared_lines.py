@@ -16,7 +16,7 @@ from drivers.generic.interlock_chain import SharedInterlockChain
 from station.clock import RealClock
 from station.errors import InstrumentError
 from station.files.faults import FaultList
-from station.instruments.opening import Place, with_shared
+from station.instruments.opening import InstrumentPlace, with_shared
 from station.record.folder import RunFolder
 
 ALTERNATE = shipped_bench("sim-alternate")
@@ -145,7 +145,7 @@ def test_a_bench_that_shares_a_line_that_is_none_is_refused(shares: list[str], s
 def test_a_chain_of_what_sees_no_contact_is_refused() -> None:
     with pytest.raises(InstrumentError, match="navigator sees none"):
         SharedInterlockChain(
-            Place(CHAIN, "", RealClock(), shared={"navigator": object()})  # type: ignore[dict-item]
+            InstrumentPlace(CHAIN, "", RealClock(), shared={"navigator": object()})  # type: ignore[dict-item]
         )
     with pytest.raises(InstrumentError, match="gives no shares"):
-        SharedInterlockChain(Place(CHAIN, "", RealClock()))
+        SharedInterlockChain(InstrumentPlace(CHAIN, "", RealClock()))

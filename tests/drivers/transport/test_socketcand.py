@@ -12,7 +12,7 @@ import pytest
 from drivers.transport.can_line import MAX_MESSAGE, CanLine, Frame, Socketcand
 from station.clock import RealClock
 from station.errors import InstrumentError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 FRAMES = b"< frame 111 12.500000 0102030405060708 >< frame 00000222 12.6 AA BB >"
 Said = tuple[int, bytes, bool]
@@ -110,7 +110,7 @@ def test_what_is_no_message_is_passed_over_and_never_kept() -> None:
 
 def test_a_driver_gets_the_frames_of_a_busy_bus() -> None:
     with daemon(b"< ok >" + FRAMES) as there:
-        place = Place("board", f"socketcand://127.0.0.1:{there.port}/can0", RealClock())
+        place = InstrumentPlace("board", f"socketcand://127.0.0.1:{there.port}/can0", RealClock())
         line = CanLine(place, {0x111: "SAMPLE"})
         try:
             (frame,) = line.wait_for(0x111, place.clock.now() + 2.0)
@@ -124,7 +124,7 @@ def test_a_driver_gets_the_frames_of_a_busy_bus() -> None:
 @pytest.mark.parametrize("answer", [b"< error could not open bus >", b"x" * 1000, b"< ok"])
 def test_a_daemon_that_does_not_open_the_bus_is_refused_in_time(answer: bytes) -> None:
     with daemon(openings=(answer,)) as there:
-        place = Place("board", f"socketcand://127.0.0.1:{there.port}/can0", RealClock())
+        place = InstrumentPlace("board", f"socketcand://127.0.0.1:{there.port}/can0", RealClock())
         began_s = place.clock.now()
         with pytest.raises(InstrumentError, match="no socketcand with a bus can0"):
             CanLine(place, {})

@@ -19,7 +19,7 @@ from station.errors import InstrumentTimeout
 from station.files.lookup import BENCHES, find
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.instruments.trace import ADDRESS, Trace, readable
 from station.procedure import Procedures
 from station.runner.execute import Request, execute
@@ -118,7 +118,7 @@ def test_silence_and_a_line_that_was_opened_again_stand_in_the_trace(tmp_path: P
     answers = iter([b"12", b"", b"34\n"])
     with clock.participant("test"), FaultyServer(clock, lambda data: next(answers)) as server:
         address = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
-        line = VisaLine(Place("gaussmeter", address, clock, trace=trace.of("gaussmeter")))
+        line = VisaLine(InstrumentPlace("gaussmeter", address, clock, trace=trace.of("gaussmeter")))
         for _ in range(2):
             with pytest.raises(InstrumentTimeout):
                 line.query("FIELD?")

@@ -14,7 +14,7 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from short_forms import read_bench_at
 
 from procedures.commissioning.pick_up import is_possible, limits
-from procedures.commissioning.pick_up.analysis import PickUpDataset, Readings, analyse
+from procedures.commissioning.pick_up.analysis import PickUpDataset, PickUpReadings, analyse
 from station.files.lookup import BENCHES, find
 
 
@@ -56,7 +56,9 @@ def test_a_bench_without_a_voltmeter_has_no_such_part() -> None:
 
 def test_a_line_that_is_there_without_a_drive_is_not_the_coils() -> None:
     time_s = np.arange(0.0, 30.0, 0.5)
-    line = Readings(time_s, 20.0 * np.sin(2 * np.pi * 0.1 * time_s) + 0.1 * np.cos(time_s), 0.1)
+    line = PickUpReadings(
+        time_s, 20.0 * np.sin(2 * np.pi * 0.1 * time_s) + 0.1 * np.cos(time_s), 0.1
+    )
     found = analyse(PickUpDataset(dict.fromkeys(("off", "x", "y", "z"), line)))
     assert [flag.code for flag in found.flags] == ["line-at-drive-frequency"]
 

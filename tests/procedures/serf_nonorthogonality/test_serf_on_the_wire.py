@@ -16,7 +16,7 @@ from sim_instruments.bench import SimulatedBench
 from station import registry
 from station.clock import VirtualClock
 from station.instruments.bench import read_bench
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 
 NAMES = ("signal_generator.xy", "signal_generator.z_gradient", "digitizer", "pump_laser")
 GAMMA_HZ_PER_NT = 28.02495
@@ -37,7 +37,9 @@ def opened() -> Iterator[tuple[VirtualClock, dict[str, Any]]]:
             for name in NAMES:
                 entry = bench.instruments[name]
                 address = str(simulation.instruments[name]["address"])
-                place = Place(name, address, clock, entry.settings, entry.limits, None, None)
+                place = InstrumentPlace(
+                    name, address, clock, entry.settings, entry.limits, None, None
+                )
                 drivers[name] = registry.load(registry.DRIVERS, entry.driver)(place)
             yield clock, drivers
         finally:

@@ -33,7 +33,7 @@ from station.control.requests import ENDS_ALREADY, RECEIVED, Control
 from station.control.signals import AbortSignals
 from station.control.status import read_status
 from station.errors import EXIT_ABORTED, Aborted, InterlockTripped, PauseRefused, RecordError
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.panel.run_requests import RunRequests
 from station.procedure import Prompt
 from station.record.folder import RunRecord
@@ -129,7 +129,7 @@ def supply(virtual: Desk) -> Iterator[Any]:
     simulated = SimulatedBench(bench, clock, "rlg-magnetic-sensitivity")
     name = "coil_supply.x"
     entry, address = bench["instruments"][name], simulated.instruments[name]["address"]
-    place = Place(name, address, clock, entry["settings"], LIMITS)
+    place = InstrumentPlace(name, address, clock, entry["settings"], LIMITS)
     opened = registry.load(registry.DRIVERS, entry["driver"])(place)
     virtual.run.instruments = {name: opened}
     yield opened

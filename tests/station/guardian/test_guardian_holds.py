@@ -26,7 +26,7 @@ from station.clock import RealClock
 from station.control.status import read_status
 from station.files.lookup import find
 from station.files.yaml.document import yaml_text
-from station.guardian.messages import Channel
+from station.guardian.messages import GuardianLine
 from station.guardian.notes import guardian_at_work
 from station.guardian.supervisor import Guardian
 from station.record.folder import RunFolder
@@ -230,7 +230,7 @@ def test_a_run_that_cannot_die_keeps_nobody_from_its_instruments(
 
 def test_beats_that_nobody_reads_never_hold_up_who_sends_them() -> None:
     own, its = socket.socketpair()
-    channel = Channel(own)
+    channel = GuardianLine(own)
     began = time.monotonic()
     taken = [channel.send({"say": "beat"}) for _ in range(20_000)]
     assert time.monotonic() - began < 5.0

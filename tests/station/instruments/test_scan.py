@@ -22,7 +22,7 @@ from station.files.yaml.reading import FaultList
 from station.instruments.bench import read_bench
 from station.instruments.scan import (
     IDENTIFY,
-    Seen,
+    AttachedDevice,
     ask_can,
     ask_port,
     draft,
@@ -119,7 +119,7 @@ def test_nothing_but_the_identity_is_asked() -> None:
         seen = ask_port("127.0.0.1", server.port)
         assert server.received == IDENTIFY
     address = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
-    assert seen == Seen(address, "FLUKE,8588A,123,1.0")
+    assert seen == AttachedDevice(address, "FLUKE,8588A,123,1.0")
 
 
 @pytest.mark.parametrize("answer", [b"", None], ids=["silent", "hangs-up"])
@@ -162,4 +162,4 @@ def test_a_can_daemon_is_told_by_its_greeting_and_is_sent_nothing() -> None:
         with socket.create_connection(("127.0.0.1", server.port), 5.0) as line:
             seen = ask_can(line, "127.0.0.1", server.port)
         assert server.received == b""
-    assert seen == Seen(f"socketcand://127.0.0.1:{server.port}/CHANNEL", "a CAN daemon")
+    assert seen == AttachedDevice(f"socketcand://127.0.0.1:{server.port}/CHANNEL", "a CAN daemon")

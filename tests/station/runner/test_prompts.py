@@ -28,7 +28,7 @@ from station.errors import (
     InputError,
     UnansweredPrompt,
 )
-from station.instruments.opening import Place
+from station.instruments.opening import InstrumentPlace
 from station.procedure import Prompt
 from station.record.folder import RunFolder
 from station.runner import execute as executing
@@ -259,7 +259,7 @@ def test_the_hand_at_the_switch_is_asked_at_the_end_for_the_device_off_alone() -
         asked.append((prompt_id, at_the_end))
         return "done"
 
-    power = OperatorPower(Place("dut_power", "", RealClock(), asker=asker))
+    power = OperatorPower(InstrumentPlace("dut_power", "", RealClock(), asker=asker))
     power.switch_on()
     power.switch_off()
     assert asked == [("dut-power-on", False), (OFF, True)]

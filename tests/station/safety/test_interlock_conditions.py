@@ -13,9 +13,9 @@ from station.safety.interlocks.conditions import (
     AnyOf,
     Condition,
     Judgement,
+    LatestReading,
     Level,
     Not,
-    Seen,
     State,
     in_unit_of_role,
 )
@@ -31,15 +31,15 @@ CHAIN = ("interlock_chain", "chain")
 class Stated:
     """A reader of the quantities that it is given, and of no other."""
 
-    def __init__(self, seen: Mapping[tuple[str, str], float | str | Seen]) -> None:
+    def __init__(self, seen: Mapping[tuple[str, str], float | str | LatestReading]) -> None:
         self._seen = seen
 
-    def look(self, instrument: str, quantity: str) -> Seen:
+    def look(self, instrument: str, quantity: str) -> LatestReading:
         found = self._seen[instrument, quantity]
-        return found if isinstance(found, Seen) else Seen(Reading(found, "", 0.0))
+        return found if isinstance(found, LatestReading) else LatestReading(Reading(found, "", 0.0))
 
 
-def judged(condition: Condition, value: float | str | Seen) -> Judgement:
+def judged(condition: Condition, value: float | str | LatestReading) -> Judgement:
     (watched,) = condition.watched
     return condition.evaluate(Stated({watched: value}))
 
@@ -88,11 +88,11 @@ def test_beyond_the_range_of_the_instrument_is_beyond_every_upper_limit() -> Non
     [
         (math.nan, "current reads nan, which is no number"),
         ("9.9", "current reads 9.9, which is no number"),
-        (Seen(None, "cannot be read: no answer"), "current cannot be read: no answer"),
+        (LatestReading(None, "cannot be read: no answer"), "current cannot be read: no answer"),
     ],
 )
 def test_what_cannot_be_read_is_neither_true_nor_false(
-    value: float | str | Seen, said: str
+    value: float | str | LatestReading, said: str
 ) -> None:
     found = judged(ABOVE, value)
     assert found.true is None
@@ -100,11 +100,15 @@ def test_what_cannot_be_read_is_neither_true_nor_false(
 
 
 def test_what_need_not_be_there_now_is_false() -> None:
-    assert judged(ABOVE, Seen(None, "is not measured now", excused=True)).true is False
-    assert judged(OPEN, Seen(None, "is not measured now", excused=True)).true is False
+    assert judged(ABOVE, LatestReading(None, "is not measured now", excused=True)).true is False
+    assert judged(OPEN, LatestReading(None, "is not measured now", excused=True)).true is False
 
 
-WORDS: dict[bool | None, float | Seen] = {True: 9.0, False: 1.0, None: Seen(None, "is silent")}
+WORDS: dict[bool | None, float | LatestReading] = {
+    True: 9.0,
+    False: 1.0,
+    None: LatestReading(None, "is silent"),
+}
 TWO = [Level("first", "current", "A", high=8.0), Level("second", "current", "A", high=8.0)]
 KLEENE_AND = {(True, True): True, (True, None): None, (None, None): None}
 KLEENE_OR = {(False, False): False, (False, None): None, (None, None): None}
