@@ -30,11 +30,10 @@ from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_FAULT, EXIT_INTERLOCK, 
 from station.files.locks import is_held
 from station.method.prompts import ABORT, Asking, Prompt
 from station.record.careful_reading import read_json
-from station.record.events import RESUMED, RUN_STARTED, in_words, whole_bench
+from station.record.events import RESUMED, RUN_STARTED, LogTail, in_words, whole_bench
 from station.record.events import Event as LogEvent
 from station.record.folder import REPORT, RESULTS, RunFolder
 from station.record.layout import EVENTS, LOCK, RUN
-from station.record.log_tail import LogTail
 from station.record.run_state import RunState
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.progress import Progress, time_of_day

@@ -15,9 +15,8 @@ from station.control.status import message_of, run_time_s
 from station.errors import DamagedRecord, StationError
 from station.files.locks import is_held
 from station.guardian.notes import guardian_at_work
-from station.record.events import Event, guardian_events, in_words
+from station.record.events import Event, LogTail, guardian_events, in_words
 from station.record.layout import LOCK
-from station.record.log_tail import LogTail
 from station.record.run_state import GOES_ON, SENTENCES, RunState, State
 from station.record.verification import quick_look
 

@@ -26,8 +26,7 @@ from station.panel.access import GUESS_EVERY_S, Access, Guard, Role, Turns, cook
 from station.panel.overview import MAX_RUNS, benches, plans
 from station.panel.run_requests import REQUESTS, RunRequests
 from station.panel.starting import Starting, Wanted
-from station.panel.streams import Streams
-from station.panel.watching import RunWatch
+from station.panel.watching import RunWatch, Streams
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs

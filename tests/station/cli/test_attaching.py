@@ -28,9 +28,8 @@ from station.errors import EXIT_ABORTED, EXIT_DONE, EXIT_WRONG_INPUT, Aborted
 from station.files.locks import FileLock
 from station.method.prompts import Prompt
 from station.record.events import Event as LogEvent
-from station.record.events import EventLog
+from station.record.events import EventLog, LogTail
 from station.record.layout import EVENTS, LOCK, RUN
-from station.record.log_tail import LogTail
 
 WITHIN_S = 60.0
 MOUNT = Prompt("mount", "Mount the gyro.")

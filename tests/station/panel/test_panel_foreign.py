@@ -19,8 +19,7 @@ from station.cli.watching import watch_status
 from station.control.status import read_status
 from station.errors import InputError
 from station.panel import app
-from station.panel.streams import MAX_STREAMS
-from station.panel.watching import RunWatch
+from station.panel.watching import MAX_STREAMS, RunWatch
 from station.record.events import Event, in_words
 from station.record.run_list import entry_of
 from station.record.run_state import RunState
