@@ -1,14 +1,41 @@
-"""One look for all plots: sizes, colours that everybody can tell apart, and the PNG file."""
+"""Plots drawn for paper by Matplotlib: one look, and the PNG file."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse as EllipsePatch
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator, NullFormatter
+
+from station.plots import (
+    PALETTE,
+    Arrow,
+    Axis,
+    Band,
+    Cells,
+    Ellipse,
+    Item,
+    Line,
+    Note,
+    Panel,
+    Plot,
+    Points,
+    Region,
+    Rule,
+    Scale,
+    Steps,
+)
+from station.texts import IN_ENGLISH, Texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,18 +45,6 @@ if TYPE_CHECKING:
     from station.procedure import Procedure
     from station.results import ResultDocument
 
-# Okabe and Ito, Color Universal Design (2008).
-BLACK = "#000000"
-ORANGE = "#E69F00"
-SKY = "#56B4E9"
-GREEN = "#009E73"
-BLUE = "#0072B2"
-VERMILION = "#D55E00"
-PURPLE = "#CC79A7"
-GREY = "#8A9099"
-PALE = "#C9CED6"
-INK = "#1F2933"
-
 DPI = 110
 CSS_DPI = 96
 WIDTH_IN = 9.4
@@ -37,6 +52,8 @@ LEFT_IN = 0.72
 RIGHT_IN = 0.14
 BOTTOM_IN = 0.48
 TOP_IN = 0.3
+STRIP_LEFT, STRIP_WIDTH, RIGHT_WITH_STRIP = 0.925, 0.014, 0.9
+INK = PALETTE["ink"]
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -63,20 +80,334 @@ STYLE = {
     "path.simplify_threshold": 0.5,
     "agg.path.chunksize": 0,
 }
+MAPS = {"difference": "RdBu_r", "angle": "hsv"}
+LEGENDS: dict[str, dict[str, Any]] = {
+    "above": {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)},
+    "above right": {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)},
+    "beside": {"loc": "center left", "bbox_to_anchor": (1.02, 0.5)},
+}
+
+
+def png_of(plot: Plot, texts: Texts = IN_ENGLISH) -> bytes:
+    """Return a plot as a PNG file: the same bytes for the same plot, no software tag."""
+    if isinstance(plot.panels, bytes):  # bridge: delete with `old_form`
+        return plot.panels
+    if isinstance(plot.panels, Figure):  # bridge: delete with `old_form`
+        return png_bytes(plot.panels)
+    return png_bytes(figure_of(plot, texts))
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """Return a figure as a PNG file."""
+    buffer = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def figure_of(plot: Plot, texts: Texts = IN_ENGLISH) -> Figure:
+    """Return a plot as a figure on white, as wide as the page.
+
+    The margins hold labels and a line of title. They are fixed, so that all plots of a page stand
+    in line, and because finding them by drawing twice costs a third of a report's time.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH_IN, plot.height_in), facecolor="white")
+        strips = any(panel.scale and panel.scale.strip for panel in plot.panels)
+        grid = figure.add_gridspec(
+            1 + max(panel.row for panel in plot.panels),
+            max(panel.column + panel.columns for panel in plot.panels),
+            width_ratios=plot.widths or None,
+            height_ratios=plot.heights or None,
+            wspace=plot.gap_x,
+            hspace=plot.gap_y,
+            left=LEFT_IN / WIDTH_IN,
+            right=RIGHT_WITH_STRIP if strips else 1.0 - RIGHT_IN / WIDTH_IN,
+            bottom=BOTTOM_IN / plot.height_in,
+            top=1.0 - TOP_IN / plot.height_in,
+        )
+        made: list[tuple[Panel, Axes]] = []
+        for panel in plot.panels:
+            axes = figure.add_subplot(
+                grid[panel.row, panel.column : panel.column + panel.columns],
+                sharex=_shared(made, panel, plot.share_x, "column"),
+                sharey=_shared(made, panel, plot.share_y, "row"),
+            )
+            made.append((panel, axes))
+        for panel, axes in made:
+            _fill(axes, panel, texts)
+        for panel, axes in made:
+            _finish(axes, _outer(panel, plot), texts)
+        for strip in {panel.row: (panel, axes) for panel, axes in made if panel.scale}.values():
+            _strip(figure, *strip, texts)
+        if len({panel.row for panel in plot.panels}) > 1:
+            figure.align_ylabels([axes for panel, axes in made if panel.column == 0])
+    return figure
+
+
+def _shared(
+    made: Sequence[tuple[Panel, Axes]], panel: Panel, shared: str, along: str
+) -> Axes | None:
+    """Return the panel whose axis this one has too, None where it has its own."""
+    for other, axes in made:
+        if shared == "all" or (shared and getattr(other, along) == getattr(panel, along)):
+            return axes
+    return None
+
+
+def _outer(panel: Panel, plot: Plot) -> Panel:
+    """Return a panel without the numbers that an outer one has on the shared axis."""
+    if plot.share_x and any(
+        other.column == panel.column and other.row > panel.row for other in plot.panels
+    ):
+        panel = replace(panel, x=replace(panel.x, numbers=False))
+    if plot.share_y and any(
+        other.row == panel.row and other.column < panel.column for other in plot.panels
+    ):
+        panel = replace(panel, y=replace(panel.y, numbers=False))
+    return panel
+
+
+def _fill(axes: Axes, panel: Panel, texts: Texts) -> None:
+    """Draw the items of a panel, and its legend."""
+    for axis, scale in ((panel.x, axes.set_xscale), (panel.y, axes.set_yscale)):
+        if axis.log:
+            scale("log")
+    handles = []
+    for number, item in enumerate(panel.items):
+        handle = _draw(axes, item, panel, 2.0 + number / 100.0, texts)
+        if label := getattr(item, "label", ""):
+            handles.append((handle, texts(label)))
+    axes.autoscale_view()  # patches and arrows do not ask for it
+    if handles and panel.legend:
+        where = LEGENDS.get(panel.legend) or {"loc": panel.legend, "borderaxespad": 0.2}
+        axes.legend(
+            *zip(*handles, strict=True),
+            ncols=panel.legend_columns,
+            handlelength=1.6,
+            columnspacing=1.0 if panel.legend not in LEGENDS else 2.0,
+            **where,
+        )
+
+
+def _draw(axes: Any, item: Item, panel: Panel, order: float, texts: Texts) -> Any:
+    """Draw an item, and return what stands for it in the legend."""
+    colour = _colour(getattr(item, "colour", INK), panel.scale)
+    if isinstance(item, Line):
+        return axes.plot(
+            item.x,
+            item.y,
+            item.dashes,
+            color=colour,
+            linewidth=item.width,
+            alpha=item.opacity,
+            zorder=order,
+        )[0]
+    if isinstance(item, Points):
+        return _points(axes, item, colour, panel.scale, order)
+    if isinstance(item, Band):
+        return axes.fill_between(
+            item.x,
+            item.low,
+            item.high,
+            color=colour,
+            alpha=item.opacity,
+            linewidth=0.0,
+            zorder=order,
+        )
+    if isinstance(item, Rule):
+        look = {"color": colour, "linewidth": item.width, "linestyle": item.dashes}
+        if item.x is not None:
+            return axes.axvline(item.x, zorder=order, **look)
+        return axes.axhline(item.y, zorder=order, **look)
+    if isinstance(item, Region):
+        look = {"facecolor": colour, "alpha": item.opacity, "edgecolor": "none", "zorder": order}
+        if item.x is None and item.y is not None:
+            return axes.axhspan(*item.y, **look)
+        if item.x is not None and item.y is None:
+            return axes.axvspan(*item.x, **look)
+        (left, right), (low, high) = item.x or (0.0, 0.0), item.y or (0.0, 0.0)
+        return axes.add_patch(Rectangle((left, low), right - left, high - low, **look))
+    if isinstance(item, Ellipse):
+        size = 2.0 * item.half_width, 2.0 * item.half_height
+        look = {"facecolor": colour, "alpha": item.opacity, "edgecolor": "none", "zorder": order}
+        return axes.add_patch(EllipsePatch((item.x, item.y), *size, **look))
+    if isinstance(item, Steps):
+        way = "horizontal" if item.sideways else "vertical"
+        return axes.stairs(
+            item.heights, item.edges, orientation=way, fill=True, color=colour, zorder=order
+        )
+    if isinstance(item, Arrow):
+        look = {"arrowstyle": "-|>", "color": colour, "linewidth": item.width}
+        axes.update_datalim([(item.x, item.y), (item.from_x, item.from_y)])
+        return axes.annotate("", (item.x, item.y), (item.from_x, item.from_y), arrowprops=look)
+    if isinstance(item, Note):
+        return axes.text(
+            item.x,
+            item.y,
+            texts(item.text),
+            ha=item.across,
+            va=item.upright,
+            fontsize=item.size,
+            color=colour,
+            style="italic" if item.slanted else "normal",
+            zorder=order,
+            **({"transform": axes.transAxes} if item.inside else {}),
+            **(
+                {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 2.0}}
+                if item.boxed
+                else {}
+            ),
+        )
+    return _cells(axes, item, panel.scale)
+
+
+def _points(axes: Axes, item: Points, colour: Any, scale: Scale | None, order: float) -> Any:
+    if item.values is not None and scale is not None:
+        return axes.scatter(
+            item.x,
+            item.y,
+            c=item.values,
+            cmap=MAPS[scale.colours],
+            vmin=scale.low,
+            vmax=scale.high,
+            s=item.size**2,
+            marker=item.marker,
+            edgecolors=PALETTE["grey"],
+            linewidths=0.3,
+            zorder=order,
+        )
+    look = {
+        "marker": item.marker or "none",
+        "markersize": item.size,
+        "color": colour,
+        "linestyle": "-" if item.joined else "none",
+        "linewidth": item.joined,
+        "alpha": item.opacity,
+        "clip_on": not item.beyond,
+        "zorder": order,
+    }
+    if item.fill:
+        look |= {"markerfacecolor": _colour(item.fill, scale), "markeredgewidth": item.edge}
+    if item.bars is None and item.bars_x is None:
+        return axes.plot(item.x, item.y, **look)[0]
+    del look["clip_on"]
+    return axes.errorbar(
+        item.x,
+        item.y,
+        item.bars,
+        item.bars_x,
+        elinewidth=item.bar_width,
+        capsize=item.cap,
+        **look,
+    )
+
+
+def _cells(axes: Axes, item: Cells, scale: Scale | None) -> None:
+    assert scale is not None
+    cells = np.array(item.rows, dtype=np.float64)
+    axes.imshow(
+        cells, cmap=MAPS[scale.colours], vmin=scale.low, vmax=scale.high, aspect="auto", zorder=1
+    )
+    dark = 0.65 * max(abs(scale.low), abs(scale.high))
+    for (row, column), cell in np.ndenumerate(cells):
+        axes.text(
+            column,
+            row,
+            f"{round(cell, 2) + 0.0:.2f}".replace("-", "−"),
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            color="white" if abs(cell) > dark else INK,
+        )
+
+
+def _colour(colour: str | float, scale: Scale | None) -> Any:
+    if isinstance(colour, str):
+        return PALETTE.get(colour, colour)
+    if scale is None:
+        return INK
+    share = (colour - scale.low) / (scale.high - scale.low)
+    return mpl.colormaps[MAPS[scale.colours]](share)
+
+
+def _finish(axes: Axes, panel: Panel, texts: Texts) -> None:
+    """Set the limits, ticks and labels of a panel, once everything is drawn."""
+    both: tuple[tuple[Literal["x", "y"], Axis, Any], ...]
+    both = (("x", panel.x, axes.xaxis), ("y", panel.y, axes.yaxis))
+    for name, axis, own in both:
+        if axis.label:
+            own.set_label_text(texts(axis.label))
+        if axis.ticks is not None:
+            own.set_ticks(axis.ticks)
+            if axis.texts:
+                own.set_ticklabels([texts(text) for text in axis.texts])
+        elif axis.most:
+            own.set_major_locator(MaxNLocator(axis.most, prune="upper"))
+        elif axis.dates:
+            own.set_major_locator(locator := AutoDateLocator())
+            own.set_major_formatter(ConciseDateFormatter(locator))
+        if not axis.numbers:
+            axes.tick_params(axis=name, labelbottom=False, labelleft=False)
+        if axis.turned:
+            axes.tick_params(axis=name, labelrotation=45)
+        if not axis.grid:
+            axes.grid(False, axis=name)
+            axes.tick_params(axis=name, length=0)
+        if not axis.between:
+            own.set_minor_formatter(NullFormatter())
+        limits(axes, name, axis)
+    if panel.equal:
+        axes.set_aspect("equal")
+    if panel.title:
+        axes.set_title(texts(panel.title), loc="left", fontsize=9.0, color=INK, pad=6)
+
+
+def limits(axes: Axes, name: str, axis: Axis) -> None:
+    """Set the limits that an axis states, with room above what is drawn."""
+    low, high = getattr(axes, f"get_{name}lim")()
+    if axis.room and axis.log:
+        high = low * (high / low) ** (1.0 + axis.room)
+    else:
+        high += axis.room * (high - low)
+    given = (low if axis.low is None else axis.low, high if axis.high is None else axis.high)
+    if axis.room or axis.low is not None or axis.high is not None:
+        getattr(axes, f"set_{name}lim")(*given)
+
+
+def _strip(figure: Figure, panel: Panel, axes: Axes, texts: Texts) -> None:
+    """Draw what colour stands for what number, beside the panels of a row."""
+    scale = panel.scale
+    if scale is None or not scale.strip:
+        return
+    place = axes.get_position()
+    strip = figure.add_axes((STRIP_LEFT, place.y0, STRIP_WIDTH, place.height))
+    norm = Normalize(scale.low, scale.high)
+    figure.colorbar(ScalarMappable(norm, MAPS[scale.colours]), cax=strip, ticks=scale.ticks)
+    strip.set_title(texts(scale.label), fontsize=8.0, pad=4)
+
+
+# Bridge to the old form, in which a procedure draws: delete all below, and what names `old_form`
+# or `bridge` here, in `station.parts` and in `station.plots`, when no module uses it.
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY, PALE = list(PALETTE.values())[:9]
 
 
 def parts_of(procedure: Procedure, findings: Findings, document: ResultDocument) -> Sequence[Part]:
     """Return what a procedure adds to the report, its plots drawn in the style of the page."""
     with mpl.rc_context(STYLE):
-        return procedure.report(findings, document)
+        return [old_form(part) for part in procedure.report(findings, document)]
+
+
+def old_form(part: Part) -> Part:
+    """Return a part; a drawn figure in it as the bytes of its PNG."""
+    if isinstance(part, Plot) and isinstance(part.panels, Figure):
+        return replace(part, panels=png_bytes(part.panels))
+    return part
 
 
 def new_figure(height_in: float = 3.4) -> Figure:
-    """Return an empty figure on white, as wide as the page; drawn in STYLE by `parts_of`.
-
-    The margins hold labels and a line of title. They are fixed, so that all plots of a page stand
-    in line, and because finding them by drawing twice costs a third of a report's time.
-    """
+    """Return an empty figure on white, as wide as the page; drawn in STYLE by `parts_of`."""
     figure = Figure(figsize=(WIDTH_IN, height_in), facecolor="white")
     figure.subplots_adjust(
         left=LEFT_IN / WIDTH_IN,
@@ -85,14 +416,6 @@ def new_figure(height_in: float = 3.4) -> Figure:
         top=1.0 - TOP_IN / height_in,
     )
     return figure
-
-
-def png_bytes(figure: Figure) -> bytes:
-    """Return the figure as a PNG file: the same bytes for the same drawing, no software tag."""
-    buffer = io.BytesIO()
-    with mpl.rc_context(STYLE):
-        figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def label_above(axes: Axes, text: str) -> None:

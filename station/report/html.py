@@ -245,9 +245,9 @@ def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
 def _part(part: Part) -> dict[str, Any]:
     """Return a part of the procedure as the template draws it."""
     if isinstance(part, Plot):
-        from station.report.drawing import CSS_DPI, DPI, png_bytes
+        from station.report.drawing import CSS_DPI, DPI, png_of
 
-        png = png_bytes(part.figure)
+        png = png_of(part)
         # Width and height stand in the first chunk (PNG specification, 11.2.2).
         width, height = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))
         image = base64.b64encode(png).decode("ascii")

@@ -84,9 +84,9 @@ def _published(document: ResultDocument) -> Block:
 
 def _part(part: Part) -> Block:
     if isinstance(part, Plot):
-        from station.report.drawing import png_bytes
+        from station.report.drawing import png_of
 
-        return Block("picture", part.title, part.caption, image=png_bytes(part.figure))
+        return Block("picture", part.title, part.caption, image=png_of(part))
     return grid(part.columns, part.rows, part.caption, part.title)
 
 
