@@ -2,7 +2,7 @@
 
 Drawn for paper by `station.report.drawing`, for the browser by `station.panel.figures`. Colours are
 names of PALETTE, or a number on the colour scale of the panel. Items are drawn in their order, and
-those with a label stand in the legend in the same order.
+those with a label stand in the legend in the same order, equal labels once.
 """
 
 from __future__ import annotations

@@ -8,8 +8,6 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-import matplotlib as mpl
-
 from procedures.rlg_magnetic_sensitivity import spectrum_plot
 from station import registry
 from station.files.lookup import BENCHES, PLANS, find
@@ -17,7 +15,7 @@ from station.files.plan import read_plan
 from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
-from station.report.drawing import STYLE, png_bytes
+from station.report.drawing import png_of
 from station.runner.evaluation import evaluate_run
 from station.runner.execute import Request, execute
 
@@ -33,9 +31,8 @@ def main() -> None:
         _, findings = evaluate_run(RunFolder(outcome.folder))
     analysis, dataset = findings.detail.analysis, findings.detail.dataset
     lines = [line for line in analysis.lines if line.segment == 0]
-    with mpl.rc_context(STYLE):
-        figure = spectrum_plot.spectrum(analysis.segments[0], lines, dataset.segments[0])
-        PICTURE.write_bytes(png_bytes(figure))
+    plot = spectrum_plot.spectrum(analysis.segments[0], lines, dataset.segments[0])
+    PICTURE.write_bytes(png_of(plot))
 
 
 if __name__ == "__main__":

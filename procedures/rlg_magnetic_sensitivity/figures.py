@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from station.findings import Findings
-from station.parts import Part, Plot, Table
+from station.parts import Part, Table
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.results import ResultDocument
 
@@ -22,13 +22,6 @@ TESTS = {
     "frequency": "another frequency",
     "background": "coils off: magnitude of the line",
 }
-ALLAN = (
-    "Of the output without the fitted lines, drift included: the overlapping estimator (NIST "
-    "SP 1065). The curve is σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 with the "
-    "coefficients of the table of the records, not below zero (IEEE Std 952, annex C): Q "
-    "quantisation, N angle random walk, B bias instability, K rate random walk. A short record "
-    "says nothing of those that act in long times."
-)
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
@@ -37,16 +30,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     analysis: RlgAnalysis = detail.analysis
     if not analysis.segments:
         return ()
-    parts: list[Part] = []
-    parts.append(
-        Plot(
-            "Sensitivity of each axis",
-            "Best estimates with their expanded uncertainty, against the limits where the "
-            "plan sets any. The published formula takes a magnitude: it has no sign, and noise "
-            "alone makes it larger than zero.",
-            plots.summary(document),
-        )
-    )
+    parts: list[Part] = [plots.summary(document)]
     records = zip(analysis.segments, detail.dataset.segments, strict=True)
     for number, (record, segment) in enumerate(records):
         lines = [line for line in analysis.lines if line.segment == number]
@@ -67,71 +51,21 @@ def _overviews(analysis: RlgAnalysis) -> list[Part]:
     """Return what all records have in common: responses against the field, and the noise."""
     parts: list[Part] = []
     if any(line.slope is not None for line in analysis.lines):
-        parts.append(
-            Plot(
-                "Response against field",
-                "The response of each axis over its field, as a phasor: to the right what answers "
-                "in phase with the field, upwards what comes before it. A sensitivity lies on the "
-                "horizontal line; the circles are where 95 % of such measurements would lie. What "
-                "other driven axes contribute is taken off.",
-                spectrum_plot.phase_diagram(analysis.lines),
-            )
-        )
+        parts.append(spectrum_plot.phase_diagram(analysis.lines))
     if any(len(detail.allan.tau_s) for detail in analysis.segments):
-        parts.append(Plot("Allan deviation", ALLAN, spectrum_plot.allan(analysis.segments)))
+        parts.append(spectrum_plot.allan(analysis.segments))
     return parts
 
 
 def _record_plots(
     detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment, published: bool
 ) -> list[Part]:
-    driven = spectrum_plot.joined(detail.axes)
-    several = len(lines) > 1
-    peaks = "Circles: the peaks" if several else "Circle: the peak"
-    peaks += " that the published formula reads (S7)."
-    if not published:
-        peaks = (
-            "The published formula cannot run on this record; its spectrum is drawn about the mean "
-            "without the missing samples."
-        )
-    quantum = segment.quantum_deg_per_h
-    counted = " (counting whole pulses makes it negative)" if quantum > 0.0 else ""
-    left_out = int((~detail.kept).sum())
-    outside = (
-        " Samples left out of the fit are marked; arrows stand for those beyond the picture."
-        if left_out
-        else ""
-    )
     parts: list[Part] = [
-        Plot(
-            f"{driven} driven: the record",
-            "Output of the gyro: single samples; their running mean, in which the response to "
-            "the field shows where it is strong enough. Below, the driving field.",
-            plots.time_series(detail, lines, segment),
-        ),
-        Plot(
-            f"{driven} driven: "
-            + (
-                "the lines at the fields’ frequencies"
-                if several
-                else "the line at the field’s frequency"
-            ),
-            f"{peaks} Black bar: the amplitude that noise alone "
-            " gives near f. Right: the same samples averaged over the phase of the field, "
-            "drift and other lines taken off; 0 deg is where the field is largest.",
-            spectrum_plot.spectrum(detail, lines, segment),
-        ),
+        plots.time_series(detail, lines, segment),
+        spectrum_plot.spectrum(detail, lines, segment, published=published),
     ]
     if np.isfinite(detail.residual_sigma_deg_per_h) and detail.residual_sigma_deg_per_h > 0.0:
-        parts.append(
-            Plot(
-                f"{driven} driven: what the fit leaves",
-                "Residuals should be noise without a shape. Their lag-1 correlation is "
-                f"{signed(detail.lag_one_correlation)}{counted}; "
-                f"the curve is a normal distribution of the same spread.{outside}",
-                plots.residuals(detail, quantum),
-            )
-        )
+        parts.append(plots.residuals(detail, segment.quantum_deg_per_h))
     return parts
 
 
@@ -238,7 +172,7 @@ def record_table(segments: Sequence[SegmentDetail]) -> Table:
         )
         rows.append(
             [
-                spectrum_plot.joined(detail.axes),
+                plots.joined(detail.axes),
                 str(len(detail.time_s)),
                 str(len(detail.kept) - kept),
                 str(detail.drift_order),
@@ -314,8 +248,3 @@ def with_u(value: float | None, uncertainty: float | None) -> str:
 def plain(value: float | None, form: str) -> str:
     """Return a value in a form of its own."""
     return NOTHING if value is None else form.format(value)
-
-
-def signed(value: float) -> str:
-    """Return a number with a minus sign as it is printed."""
-    return f"{value:.3f}".replace("-", "−")

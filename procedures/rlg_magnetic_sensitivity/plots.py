@@ -5,22 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
-from station.report.drawing import (
+from station.plots import (
     BLACK,
     BLUE,
     GREEN,
     GREY,
     INK,
+    MIST,
     PALE,
     VERMILION,
-    label_above,
-    new_figure,
+    Axis,
+    Item,
+    Line,
+    Note,
+    Panel,
+    Plot,
+    Points,
+    Region,
+    Rule,
+    Steps,
 )
-from station.results import ResultDocument
+from station.results import Result, ResultDocument
 
 from .dataset import AXES, Array, LineDetail, Mask, Segment, SegmentDetail, middle_of
 
@@ -34,17 +40,10 @@ BEST = "best estimate with U (95 %)"
 PUBLISHED = "published formula (has no sign)"
 WITHIN = "within the limit"
 LIMIT = "limit"
-ORDER = (BEST, PUBLISHED, WITHIN, LIMIT)
 
 
-def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Figure:
-    """Draw samples, their mean and the driving field: the whole record, and a few periods of it."""
-    figure = new_figure(5.4)
-    grid = figure.add_gridspec(
-        3, 2, width_ratios=(2.5, 1), height_ratios=(1, 1.25, 1), wspace=0.05, hspace=0.16
-    )
-    wide = [figure.add_subplot(grid[row, 0]) for row in range(3)]
-    close = [figure.add_subplot(grid[row, 1], sharey=wide[row]) for row in range(3)]
+def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Plot:
+    """Return samples, their mean and the driving field: the whole record, and a few periods."""
     time_s = detail.time_s - float(detail.time_s[0])
     end_s = float(time_s[-1])
     period_s = 1.0 / lines[0].frequency_Hz
@@ -52,51 +51,73 @@ def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Seg
     interval_s = float(np.median(np.diff(time_s)))
     window_s = max(2, round(MEAN_PERIODS * period_s / interval_s)) * interval_s
     zoom_s = min(ZOOM_PERIODS * period_s, end_s)
-    for column, until_s, size in ((wide, end_s, 1.3), (close, zoom_s, 2.6)):
+    low, high = _limits_of_kept(detail)
+    several = len(detail.axes) > 1
+    source = "measured" if len(segment.field_time_s) else "fitted"
+    panels = []
+    for column, (until_s, size) in enumerate(((end_s, 1.3), (zoom_s, 2.6))):
         inside = time_s <= until_s
-        column[0].plot(
-            time_s[inside], detail.rate_deg_per_h[inside], ".", color=GREY, markersize=size
-        )
         shown = np.linspace(0.0, until_s, 1200)
         smooth = running_mean(time_s, detail.rate_deg_per_h, detail.kept, shown, window_s)
-        column[1].plot(
-            shown, smooth, color=BLUE, linewidth=1.0, label=f"mean over {window_s:.3g} s"
+        label = f"mean over {window_s:.3g} s" if column else ""
+        mean = [Line(shown, smooth, width=1.0, label=label)]
+        if column:
+            fit = detail.model_deg_per_h[inside]
+            mean.append(Line(time_s[inside], fit, dashes="--", colour=BLACK, label="fit"))
+        samples = Points(
+            time_s[inside], detail.rate_deg_per_h[inside], marker=".", colour=GREY, size=size
         )
-        _field_panel(column[2], detail, lines, segment, until_s)
-        for axes in column:
-            axes.set_xlim(0.0, until_s)
-        for axes in column[:2]:
-            axes.tick_params(labelbottom=False)
-        column[2].set_xlabel("time in the record, s")
-    inside = time_s <= zoom_s
-    close[1].plot(time_s[inside], detail.model_deg_per_h[inside], "--", color=BLACK, label="fit")
-    _limit_to_kept(wide[0], detail)
-    for axes in close:
-        axes.tick_params(labelleft=False)
-    _room_above(close[1], 0.25)
-    legend_inside(close[1], ncols=2)
-    if len(detail.axes) > 1:
-        _room_above(close[2], 0.3)
-        legend_inside(close[2], ncols=3)
-    source = "measured" if len(segment.field_time_s) else "fitted"
-    for axes, text in zip(
-        wide, ("samples, deg/h", "their mean, deg/h", f"{source} field, mT"), strict=True
-    ):
-        axes.set_ylabel(text)
-        axes.yaxis.set_label_coords(-0.085, 0.5)
-    label_above(wide[0], "The whole record")
-    label_above(close[0], f"Its first {zoom_s:.3g} s")
-    return figure
+        panels += [
+            Panel(
+                (samples,),
+                title=f"Its first {zoom_s:.3g} s" if column else "The whole record",
+                column=column,
+                x=Axis(low=0.0, high=until_s),
+                y=Axis("" if column else "samples, deg/h", low=low, high=high),
+            ),
+            Panel(
+                tuple(mean),
+                row=1,
+                column=column,
+                x=Axis(low=0.0, high=until_s),
+                y=Axis(room=0.25) if column else Axis("their mean, deg/h"),
+                legend="upper right",
+                legend_columns=2,
+            ),
+            Panel(
+                tuple(_field(detail, lines, segment, until_s, labelled=several and column > 0)),
+                row=2,
+                column=column,
+                x=Axis("time in the record, s", low=0.0, high=until_s),
+                y=Axis(room=0.3 * several) if column else Axis(f"{source} field, mT"),
+                legend="upper right",
+                legend_columns=3,
+            ),
+        ]
+    return Plot(
+        f"{joined(detail.axes)} driven: the record",
+        "Output of the gyro: single samples; their running mean, in which the response to "
+        "the field shows where it is strong enough. Below, the driving field.",
+        tuple(panels),
+        5.4,
+        widths=(2.5, 1),
+        heights=(1, 1.25, 1),
+        gap_x=0.05,
+        gap_y=0.16,
+        share_x="column",
+        share_y="row",
+    )
 
 
-def _field_panel(
-    axes: Axes,
+def _field(
     detail: SegmentDetail,
     lines: Sequence[LineDetail],
     segment: Segment,
     until_s: float,
-) -> None:
-    """Draw the measured field of the driven axes, the fitted one where none was given."""
+    *,
+    labelled: bool,
+) -> list[Line]:
+    """Return the measured field of the driven axes, the fitted one where none was given."""
     start_s = float(detail.time_s[0])
     if len(segment.field_time_s):
         field_s, field_mT = segment.field_time_s - start_s, segment.field_mT
@@ -104,61 +125,86 @@ def _field_panel(
         field_s = np.linspace(0.0, until_s, 4000)
         field_mT = fitted_field_mT(detail, lines, field_s + start_s)
     inside = field_s <= until_s
-    for axis in detail.axes:
-        dashes = DASHES[axis] if len(detail.axes) > 1 else "-"
-        values = field_mT[inside, AXES.index(axis)]
-        axes.plot(field_s[inside], values, dashes, color=COLOUR[axis], linewidth=0.9, label=axis)
+    several = len(detail.axes) > 1
+    return [
+        Line(
+            field_s[inside],
+            field_mT[inside, AXES.index(axis)],
+            colour=COLOUR[axis],
+            width=0.9,
+            dashes=DASHES[axis] if several else "-",
+            label=axis if labelled else "",
+        )
+        for axis in detail.axes
+    ]
 
 
-def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Figure:
-    """Draw what the fit left against time, rejected samples marked, and its distribution.
+def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Plot:
+    """Return what the fit left against time, rejected samples marked, and its distribution.
 
     `quantum` is one pulse in deg/h where the output is counts: the bins are then as wide as it.
     The segment must have been fitted (its residual sigma above zero).
     """
-    figure = new_figure(2.9)
-    grid = figure.add_gridspec(1, 2, width_ratios=(3.2, 1), wspace=0.05)
-    axes = figure.add_subplot(grid[0, 0])
-    side = figure.add_subplot(grid[0, 1], sharey=axes)
     time_s = detail.time_s - float(detail.time_s[0])
     left, kept = detail.residual_deg_per_h, detail.kept
     sigma = detail.residual_sigma_deg_per_h
-    axes.set_xlabel("time in the record, s")
-    axes.set_ylabel("output − fit, deg/h")
     edge = EDGE_SIGMA * sigma
-    axes.plot(time_s[kept], left[kept], ".", color=BLUE, markersize=1.6)
+    items: list[Item] = [Points(time_s[kept], left[kept], marker=".", size=1.6)]
     out = np.flatnonzero(~kept & np.isfinite(left))
-    for places, marker in (
-        (out[np.abs(left[out]) < edge], "x"),
-        (out[left[out] >= edge], "^"),
-        (out[left[out] <= -edge], "v"),
-    ):
-        if not len(places):
-            continue
-        axes.plot(
+    items += [
+        Points(
             time_s[places],
             np.clip(left[places], -edge, edge),
-            marker,
-            linestyle="none",
-            color=VERMILION,
-            markersize=6,
-            clip_on=False,
-            zorder=5,
+            marker=marker,
+            colour=VERMILION,
+            size=6.0,
+            beyond=True,
         )
-    axes.axhline(0.0, color=INK, linewidth=0.6)
-    axes.set_xlim(0.0, time_s[-1])
-    axes.set_ylim(-edge, edge)
-    label_above(axes, f"{int(kept.sum())} samples in the fit, {int((~kept).sum())} left out")
-
+        for places, marker in (
+            (out[np.abs(left[out]) < edge], "x"),
+            (out[left[out] >= edge], "^"),
+            (out[left[out] <= -edge], "v"),
+        )
+        if len(places)
+    ]
     heights, edges = np.histogram(left[kept], bins=_bin_edges(left[kept], sigma, quantum))
-    side.stairs(heights, edges, orientation="horizontal", fill=True, color=PALE)
     level = np.linspace(-5.0 * sigma, 5.0 * sigma, 200)
     normal = np.exp(-0.5 * (level / sigma) ** 2) / (np.sqrt(2.0 * np.pi) * sigma)
-    side.plot(normal * heights.sum() * (edges[1] - edges[0]), level, color=BLACK, linewidth=1.0)
-    side.tick_params(labelleft=False)
-    side.set_xlabel("samples")
-    label_above(side, f"σ = {sigma:.3g} deg/h")
-    return figure
+    normal *= heights.sum() * (edges[1] - edges[0])
+    left_out = int((~kept).sum())
+    counted = " (counting whole pulses makes it negative)" if quantum > 0.0 else ""
+    outside = (
+        " Samples left out of the fit are marked; arrows stand for those beyond the picture."
+        if left_out
+        else ""
+    )
+    return Plot(
+        f"{joined(detail.axes)} driven: what the fit leaves",
+        "Residuals should be noise without a shape. Their lag-1 correlation is "
+        f"{signed(detail.lag_one_correlation)}{counted}; "
+        f"the curve is a normal distribution of the same spread.{outside}",
+        (
+            Panel(
+                (*items, Rule(y=0.0)),
+                title=f"{int(kept.sum())} samples in the fit, {left_out} left out",
+                x=Axis("time in the record, s", low=0.0, high=float(time_s[-1])),
+                y=Axis("output − fit, deg/h", low=-edge, high=edge),
+            ),
+            Panel(
+                (
+                    Steps(edges, heights, colour=PALE, sideways=True),
+                    Line(normal, level, colour=BLACK, width=1.0),
+                ),
+                title=f"σ = {sigma:.3g} deg/h",
+                column=1,
+                x=Axis("samples"),
+            ),
+        ),
+        2.9,
+        widths=(3.2, 1),
+        gap_x=0.05,
+        share_y="row",
+    )
 
 
 def _bin_edges(values: Array, sigma: float, quantum: float) -> Array:
@@ -198,36 +244,22 @@ def fitted_field_mT(detail: SegmentDetail, lines: Sequence[LineDetail], time_s: 
     return field_mT
 
 
-def _limit_to_kept(axes: Axes, detail: SegmentDetail) -> None:
-    """Scale to the samples of the fit: a wild one would hide all others."""
+def _limits_of_kept(detail: SegmentDetail) -> tuple[float | None, float | None]:
+    """Return the scale of the samples of the fit: a wild one would hide all others."""
     good = detail.rate_deg_per_h[detail.kept & np.isfinite(detail.rate_deg_per_h)]
-    if len(good):
-        low, high = float(good.min()), float(good.max())
-        margin = 0.06 * (high - low) or 0.1
-        axes.set_ylim(low - margin, high + margin)
+    if not len(good):
+        return None, None
+    low, high = float(good.min()), float(good.max())
+    margin = 0.06 * (high - low) or 0.1
+    return low - margin, high + margin
 
 
-def _room_above(axes: Axes, part: float) -> None:
-    """Make room for a legend above what is drawn."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + part * (high - low))
-
-
-def legend_inside(axes: Axes, ncols: int) -> None:
-    """Put the legend into the upper right corner of a panel."""
-    axes.legend(
-        loc="upper right", ncols=ncols, borderaxespad=0.2, handlelength=1.6, columnspacing=1.0
-    )
-
-
-def summary(document: ResultDocument) -> Figure:
-    """Draw all axes' values with U, the published values beside them, and the limits behind."""
+def summary(document: ResultDocument) -> Plot:
+    """Return all axes' values with U, the published values beside them, and the limits behind."""
     results = document.results
     published = {entry.axis: entry.value for entry in document.published}
-    limits = [result.limit.interval() if result.limit else None for result in results]
-    figure = new_figure(1.15 + 0.5 * len(results))
-    axes = figure.add_subplot()
-    spans = [abs(bound) for limit in limits if limit for bound in limit if np.isfinite(bound)]
+    limits = [result.limit.interval() for result in results if result.limit]
+    spans = [abs(bound) for limit in limits for bound in limit if np.isfinite(bound)]
     spans += [
         abs(result.estimate.value) + (result.expanded_uncertainty or 0.0)
         for result in results
@@ -235,89 +267,81 @@ def summary(document: ResultDocument) -> Figure:
     ]
     spans += [value for value in published.values() if value is not None]
     reach = 1.12 * max(spans, default=1.0) or 1.0
-    labelled: set[str] = set()
-
-    def once(text: str) -> str | None:
-        new = text not in labelled
-        labelled.add(text)
-        return text if new else None
-
-    for place, (result, limit) in enumerate(zip(results, limits, strict=True)):
-        value, as_published = result.estimate.value, published.get(result.estimate.axis)
-        if limit is not None:
-            low, high = np.clip(limit, -reach, reach)
-            axes.add_patch(
-                Rectangle(
-                    (low, place - 0.38),
-                    high - low,
-                    0.76,
-                    facecolor="#E6F1F7",
-                    edgecolor="none",
-                    zorder=1,
-                    label=once(WITHIN),
-                )
-            )
-            for bound in limit:
-                if np.isfinite(bound):
-                    axes.plot(
-                        [bound, bound],
-                        [place - 0.38, place + 0.38],
-                        color=INK,
-                        linewidth=1.6,
-                        zorder=2,
-                        label=once(LIMIT),
-                    )
-        if value is None:
-            axes.text(
-                0.0,
-                place,
-                "undetermined",
-                ha="center",
-                va="center",
-                style="italic",
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 2.0},
-            )
-        else:
-            axes.errorbar(
-                value,
-                place - 0.1,
-                xerr=result.expanded_uncertainty or None,
-                fmt="o",
-                color=BLUE,
-                markersize=6,
-                capsize=4,
-                elinewidth=1.8,
-                zorder=4,
-                label=once(BEST),
-            )
-        if as_published is not None:
-            axes.plot(
-                as_published,
-                place + 0.22,
-                "D",
-                markersize=6,
-                markerfacecolor="white",
-                markeredgecolor=VERMILION,
-                markeredgewidth=1.5,
-                zorder=3,
-                linestyle="none",
-                label=once(PUBLISHED),
-            )
-    axes.axvline(0.0, color=INK, linewidth=0.8)
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(len(results) - 0.5, -0.5)
-    axes.set_yticks(range(len(results)), [result.estimate.axis or "" for result in results])
-    axes.tick_params(axis="y", length=0)
-    axes.grid(False, axis="y")
-    axes.set_xlabel("magnetic sensitivity, deg/h/mT")
-    handles, names = axes.get_legend_handles_labels()
-    order = sorted(range(len(names)), key=lambda i: ORDER.index(names[i]))
-    axes.legend(
-        [handles[i] for i in order],
-        [names[i] for i in order],
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=4,
-        handlelength=1.6,
+    behind, values = list[Item](), list[Item]()
+    for place, result in enumerate(results):
+        behind += _limit(place, result, reach)
+        values += _values(place, result, published.get(result.estimate.axis))
+    return Plot(
+        "Sensitivity of each axis",
+        "Best estimates with their expanded uncertainty, against the limits where the "
+        "plan sets any. The published formula takes a magnitude: it has no sign, and noise "
+        "alone makes it larger than zero.",
+        (
+            Panel(
+                (*behind, Rule(x=0.0, width=0.8), *values),
+                x=Axis("magnetic sensitivity, deg/h/mT", low=-reach, high=reach),
+                y=Axis(
+                    low=len(results) - 0.5,
+                    high=-0.5,
+                    ticks=range(len(results)),
+                    texts=tuple(result.estimate.axis or "" for result in results),
+                    grid=False,
+                ),
+                legend="above",
+                legend_columns=4,
+            ),
+        ),
+        1.15 + 0.5 * len(results),
     )
-    return figure
+
+
+def _limit(place: int, result: Result, reach: float) -> list[Item]:
+    """Return the limits of one axis, as far as they are seen."""
+    if result.limit is None:
+        return []
+    limit = result.limit.interval()
+    height = place - 0.38, place + 0.38
+    low, high = np.clip(limit, -reach, reach)
+    within = Region(x=(low, high), y=height, colour=MIST, opacity=1.0, label=WITHIN)
+    bounds = [bound for bound in limit if np.isfinite(bound)]
+    ends = [Line([bound] * 2, height, colour=INK, width=1.6, label=LIMIT) for bound in bounds]
+    return [within, *ends]
+
+
+def _values(place: int, result: Result, published: float | None) -> list[Item]:
+    """Return the value of one axis as published, and its value."""
+    items: list[Item] = []
+    if published is not None:
+        items.append(
+            Points(
+                [published],
+                [place + 0.22],
+                colour=VERMILION,
+                marker="D",
+                size=6.0,
+                fill="white",
+                edge=1.5,
+                label=PUBLISHED,
+            )
+        )
+    value, reach_U = result.estimate.value, result.expanded_uncertainty
+    if value is None:
+        items.append(Note(0.0, place, "undetermined", slanted=True, boxed=True))
+    else:
+        bars = [reach_U] if reach_U else None
+        items.append(
+            Points(
+                [value], [place - 0.1], bars_x=bars, size=6.0, cap=4.0, bar_width=1.8, label=BEST
+            )
+        )
+    return items
+
+
+def joined(axes: Sequence[str]) -> str:
+    """Return names as a list in words."""
+    return axes[0] if len(axes) == 1 else ", ".join(axes[:-1]) + " and " + axes[-1]
+
+
+def signed(value: float) -> str:
+    """Return a number with a minus sign as it is printed."""
+    return f"{value:.3f}".replace("-", "−")

@@ -5,14 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
 
-from station.report.drawing import BLACK, GREY, INK, label_above, new_figure
+from station.plots import (
+    BLACK,
+    GREY,
+    INK,
+    Arrow,
+    Axis,
+    Ellipse,
+    Item,
+    Line,
+    Note,
+    Panel,
+    Plot,
+    Points,
+    Rule,
+)
 
 from .dataset import Array, LineDetail, Segment, SegmentDetail, middle_of
-from .plots import COLOUR, DASHES, legend_inside
+from .plots import COLOUR, DASHES, joined
 
 # The noise at a line is judged over so many cycles per record on each side of it.
 FLOOR_REACH_CYCLES = 8.0
@@ -21,35 +32,51 @@ PHASE_BINS = 12
 WITHIN_95 = 2.448
 """Root of chi-square with two degrees of freedom at 95 %."""
 MARKERS = "os^Dv<>"
+ALLAN = (
+    "Of the output without the fitted lines, drift included: the overlapping estimator (NIST "
+    "SP 1065). The curve is σ²(τ) = 3 Q²/τ² + N²/τ + (2 ln 2/π) B² + K² τ/3 with the "
+    "coefficients of the table of the records, not below zero (IEEE Std 952, annex C): Q "
+    "quantisation, N angle random walk, B bias instability, K rate random walk. A short record "
+    "says nothing of those that act in long times."
+)
 
 
-def spectrum(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Figure:
-    """Draw the published amplitude spectrum (S6) and the average over the field's phase."""
-    figure = new_figure(3.7)
-    grid = figure.add_gridspec(1, 2, width_ratios=(2.1, 1), wspace=0.24)
-    axes = figure.add_subplot(grid[0, 0])
+def spectrum(
+    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment, *, published: bool = True
+) -> Plot:
+    """Return the published amplitude spectrum (S6) and the average over the field's phase.
+
+    `published`: whether the published formula could read it.
+    """
+    several = len(lines) > 1
+    peaks = "Circles: the peaks" if several else "Circle: the peak"
+    peaks += " that the published formula reads (S7)."
+    if not published:
+        peaks = (
+            "The published formula cannot run on this record; its spectrum is drawn about the mean "
+            "without the missing samples."
+        )
+    where = (
+        "the lines at the fields’ frequencies" if several else "the line at the field’s frequency"
+    )
+    return Plot(
+        f"{joined(detail.axes)} driven: {where}",
+        f"{peaks} Black bar: the amplitude that noise alone "
+        " gives near f. Right: the same samples averaged over the phase of the field, "
+        "drift and other lines taken off; 0 deg is where the field is largest.",
+        (_spectrum_panel(detail, lines, segment), _folded_panel(detail, lines)),
+        3.7,
+        widths=(2.1, 1),
+        gap_x=0.24,
+    )
+
+
+def _spectrum_panel(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Panel:
     frequency_Hz, amplitude = detail.spectrum_frequency_Hz, detail.spectrum_deg_per_h
-    if len(frequency_Hz) > 2:
-        _spectrum_panel(axes, frequency_Hz, amplitude, lines, segment)
-    else:
-        axes.text(0.5, 0.5, "too few samples", ha="center", transform=axes.transAxes)
-        axes.set_xticks([])
-        axes.set_yticks([])
-    axes.set_xlabel("frequency k/T, Hz")
-    axes.set_ylabel("y = 2|X[k]|/N, deg/h")
-    label_above(axes, "Amplitude spectrum")
-    folded = figure.add_subplot(grid[0, 1])
-    _folded_panel(folded, detail, lines)
-    return figure
-
-
-def _spectrum_panel(
-    axes: Axes,
-    frequency_Hz: Array,
-    amplitude: Array,
-    lines: Sequence[LineDetail],
-    segment: Segment,
-) -> None:
+    title, below, beside = "Amplitude spectrum", "frequency k/T, Hz", "y = 2|X[k]|/N, deg/h"
+    if len(frequency_Hz) <= 2:
+        note = Note(0.5, 0.5, "too few samples", inside=True)
+        return Panel((note,), title=title, x=Axis(below, ticks=()), y=Axis(beside, ticks=()))
     step_Hz = float(frequency_Hz[1])
     # Of a record that is short against a period, one step is further than what is wanted.
     wanted_Hz = max(SPECTRUM_REACH * max(x.frequency_Hz for x in lines), step_Hz)
@@ -57,79 +84,84 @@ def _spectrum_panel(
     # The mean (k = 0) stands far above everything else and is not part of the picture.
     shown = slice(1, round(highest_Hz / step_Hz) + 1)
     positive = np.maximum(amplitude, 1e-12)
-    axes.semilogy(frequency_Hz[shown], positive[shown], color=GREY, linewidth=0.9, zorder=3)
-    several = len(lines) > 1
+    marks, floors, peaks = list[Item](), list[Item](), list[Item]()
     for line in lines:
+        first = line is lines[0]
         colour = COLOUR[line.axis]
         commanded_Hz = segment.drive[line.axis].frequency_Hz
-        who = f" ({line.axis})" if several else ""
-        commanded = "f, commanded" if several else f"f = {commanded_Hz:.6g} Hz, commanded"
-        axes.axvline(
-            commanded_Hz,
-            color=colour,
-            linewidth=0.9,
-            linestyle="--",
-            zorder=1,
-            label=commanded if line is lines[0] else "_",
+        named = "f, commanded" if len(lines) > 1 else f"f = {commanded_Hz:.6g} Hz, commanded"
+        marks.append(
+            Rule(
+                x=commanded_Hz,
+                colour=colour,
+                width=0.9,
+                dashes="--",
+                label=named if first else "",
+            )
         )
         if 2.0 * commanded_Hz < highest_Hz:
-            axes.axvline(
-                2.0 * commanded_Hz,
-                color=colour,
-                linewidth=1.0,
-                linestyle=":",
-                label="2 f" if line is lines[0] else "_",
+            label = "2 f" if first else ""
+            marks.append(
+                Rule(x=2.0 * commanded_Hz, colour=colour, width=1.0, dashes=":", label=label)
             )
-        if line.noise_floor_deg_per_h is not None:
+        floor = line.noise_floor_deg_per_h
+        if floor is not None:
             reach = FLOOR_REACH_CYCLES * step_Hz
-            axes.hlines(
-                line.noise_floor_deg_per_h,
-                commanded_Hz - reach,
-                commanded_Hz + reach,
-                color=BLACK,
-                linewidth=2.2,
-                zorder=4,
-                label="noise near f" if line is lines[0] else "_",
-            )
+            ends = [commanded_Hz - reach, commanded_Hz + reach]
+            label = "noise near f" if first else ""
+            floors.append(Line(ends, [floor, floor], colour=BLACK, width=2.2, label=label))
         nearest = int(np.floor(commanded_Hz / step_Hz + 0.5))
         if 1 <= nearest < len(amplitude):
-            first = max(nearest - 1, 1)
-            peak = first + int(np.argmax(amplitude[first : nearest + 2]))
-            axes.plot(
-                frequency_Hz[peak],
-                positive[peak],
-                "o",
-                markersize=8,
-                markerfacecolor="none",
-                markeredgecolor=colour,
-                markeredgewidth=1.8,
-                zorder=5,
-                label=f"peak{who}: y = {amplitude[peak]:.3g} deg/h at {frequency_Hz[peak]:.4g} Hz",
+            lowest = max(nearest - 1, 1)
+            peak = lowest + int(np.argmax(amplitude[lowest : nearest + 2]))
+            who = f" ({line.axis})" if len(lines) > 1 else ""
+            peaks.append(
+                Points(
+                    [frequency_Hz[peak]],
+                    [positive[peak]],
+                    colour=colour,
+                    size=8.0,
+                    fill="none",
+                    edge=1.8,
+                    label=f"peak{who}: y = {amplitude[peak]:.3g} deg/h "
+                    f"at {frequency_Hz[peak]:.4g} Hz",
+                )
             )
-    typical = np.sort(positive[shown])
-    low = float(typical[int(0.02 * (len(typical) - 1))])
-    high = float(typical[-1])
+    low, high = _heights(positive[shown], lines)
+    curve = Line(frequency_Hz[shown], positive[shown], colour=GREY, width=0.9)
+    return Panel(
+        (*marks, curve, *floors, *peaks),
+        title=title,
+        x=Axis(below, low=0.0, high=highest_Hz),
+        y=Axis(beside, log=True, low=low, high=high),
+        legend="upper right",
+    )
+
+
+def _heights(shown: Array, lines: Sequence[LineDetail]) -> tuple[float, float]:
+    """Return the limits of the spectrum, with room above the highest line for the legend."""
+    typical = np.sort(shown)
     floors = [x.noise_floor_deg_per_h for x in lines if x.noise_floor_deg_per_h]
-    low, high = min([low, *floors]) / 2.0, max([high, *floors])
-    # Room above the highest line for the legend.
+    low = min([float(typical[int(0.02 * (len(typical) - 1))]), *floors]) / 2.0
+    high = max([float(typical[-1]), *floors])
     room = 0.12 + 0.075 * (len(lines) + 3)
-    axes.set_ylim(low, high * (high / low) ** (room / (1.0 - room)) * 1.1)
-    axes.set_xlim(0.0, highest_Hz)
-    axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.6)
+    return low, high * (high / low) ** (room / (1.0 - room)) * 1.1
 
 
-def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]) -> None:
-    """Draw the output about its drift and all other lines, averaged over the phase of one field."""
-    label_above(axes, "Averaged over the field’s phase")
-    axes.set_xlabel("phase of the field, deg")
-    axes.set_ylabel("output at f, deg/h")
+def _folded_panel(detail: SegmentDetail, lines: Sequence[LineDetail]) -> Panel:
+    """Return the output less drift and other lines, averaged over the phase of each field."""
+    title, below, beside = (
+        "Averaged over the field’s phase",
+        "phase of the field, deg",
+        "output at f, deg/h",
+    )
     middle_s = middle_of(detail)
-    drawn = False
+    several = len(lines) > 1
+    items = list[Item]()
     for number, line in enumerate(lines):
         phasor = line.gyro_phasor_deg_per_h
         if phasor is None:
             continue
-        drawn = True
         turn = 2.0 * np.pi * line.frequency_Hz * (detail.time_s - middle_s)
         own = np.real(phasor * np.exp(1j * turn))
         left = (detail.residual_deg_per_h + own)[detail.kept]
@@ -139,36 +171,39 @@ def _folded_panel(axes: Axes, detail: SegmentDetail, lines: Sequence[LineDetail]
         filled = np.isfinite(mean)
         centre = (np.arange(PHASE_BINS) + 0.5) * 360.0 / PHASE_BINS
         offset = 4.0 * (number - 0.5 * (len(lines) - 1))
-        axes.errorbar(
-            centre[filled] + offset,
-            mean[filled],
-            error[filled],
-            fmt="os^"[number % 3],
-            color=COLOUR[line.axis],
-            markersize=3.2,
-            elinewidth=0.8,
-            label=line.axis if len(lines) > 1 else "mean ± s.e.",
-        )
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
         response = np.real(phasor * np.exp(1j * (angle - field_phase)))
-        axes.plot(
-            np.degrees(angle),
-            response,
-            color=COLOUR[line.axis],
-            linestyle=DASHES[line.axis] if len(lines) > 1 else "-",
-            label=None if len(lines) > 1 else "fit",
-        )
-    if not drawn:
-        axes.text(0.5, 0.5, "not determined", ha="center", transform=axes.transAxes)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        return
-    axes.axhline(0.0, color=INK, linewidth=0.6)
-    axes.set_xlim(0.0, 360.0)
-    axes.set_xticks([0, 90, 180, 270, 360])
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.22 * (high - low))
-    legend_inside(axes, ncols=3)
+        items += [
+            Line(
+                np.degrees(angle),
+                response,
+                colour=COLOUR[line.axis],
+                dashes=DASHES[line.axis] if several else "-",
+                label="" if several else "fit",
+            ),
+            Points(
+                centre[filled] + offset,
+                mean[filled],
+                bars=error[filled],
+                marker="os^"[number % 3],
+                colour=COLOUR[line.axis],
+                size=3.2,
+                label=line.axis if several else "mean ± s.e.",
+            ),
+        ]
+    if not items:
+        note = Note(0.5, 0.5, "not determined", inside=True)
+        x, y = Axis(below, ticks=()), Axis(beside, ticks=())
+        return Panel((note,), title=title, column=1, x=x, y=y)
+    return Panel(
+        (*items, Rule(y=0.0)),
+        title=title,
+        column=1,
+        x=Axis(below, low=0.0, high=360.0, ticks=(0, 90, 180, 270, 360)),
+        y=Axis(beside, room=0.22),
+        legend="upper right",
+        legend_columns=3,
+    )
 
 
 def phase_average(turns: Array, values: Array) -> tuple[Array, Array]:
@@ -192,101 +227,88 @@ def phase_average(turns: Array, values: Array) -> tuple[Array, Array]:
     return mean, np.where(enough, error, 0.0)
 
 
-def phase_diagram(lines: Sequence[LineDetail]) -> Figure:
-    """Draw each line's response over field with the region where 95 % of such results would lie.
+def phase_diagram(lines: Sequence[LineDetail]) -> Plot:
+    """Return each line's response over field with the region where 95 % of such results would lie.
 
     Right is in phase with the field, up is a quarter period before it; both axes to one scale.
     """
-    figure = new_figure(3.9)
-    axes = figure.add_subplot()
+    regions, arrows = list[Item](), list[Item]()
     reach = 0.0
     labelled: set[str] = set()
     for line in lines:
         if line.slope is None or line.slope_uncertainty is None:
             continue
         quadrature = line.quadrature or 0.0
-        tall = line.quadrature_uncertainty or line.slope_uncertainty
-        wide = line.slope_uncertainty
+        tall = WITHIN_95 * (line.quadrature_uncertainty or line.slope_uncertainty)
+        wide = WITHIN_95 * line.slope_uncertainty
         colour = COLOUR[line.axis]
-        axes.add_patch(
-            Ellipse(
-                (line.slope, quadrature),
-                2.0 * WITHIN_95 * wide,
-                2.0 * WITHIN_95 * tall,
-                facecolor=colour,
-                alpha=0.15,
-                edgecolor="none",
-            )
-        )
-        axes.annotate(
-            "",
-            (line.slope, quadrature),
-            (0.0, 0.0),
-            arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.6},
-        )
         name = f"{line.axis} at {line.frequency_Hz:.3g} Hz"
-        axes.plot(
-            line.slope,
-            quadrature,
-            "o",
-            color=colour,
-            markersize=4,
-            label=None if name in labelled else name,
-        )
+        label = "" if name in labelled else name
         labelled.add(name)
-        reach = max(
-            reach,
-            abs(line.slope) + WITHIN_95 * wide,
-            abs(quadrature) + WITHIN_95 * tall,
-        )
+        regions.append(Ellipse(line.slope, quadrature, wide, tall, colour=colour))
+        arrows += [
+            Arrow(line.slope, quadrature, colour=colour),
+            Points([line.slope], [quadrature], colour=colour, label=label),
+        ]
+        reach = max(reach, abs(line.slope) + wide, abs(quadrature) + tall)
     reach = 1.1 * reach or 1.0
-    for share in (0.5, 1.0):
-        turn = np.linspace(0.0, 2.0 * np.pi, 181)
-        radius = share * reach / 1.1
-        axes.plot(
-            radius * np.cos(turn), radius * np.sin(turn), color=INK, linewidth=0.4, linestyle=":"
-        )
-    axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.axvline(0.0, color=INK, linewidth=0.8)
-    axes.set_aspect("equal")
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(-reach, reach)
-    axes.set_xlabel("in phase with the field, deg/h/mT")
-    axes.set_ylabel("a quarter period before, deg/h/mT")
-    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
-    return figure
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    circles = [
+        Line(radius * np.cos(turn), radius * np.sin(turn), colour=INK, width=0.4, dashes=":")
+        for radius in (0.5 * reach / 1.1, reach / 1.1)
+    ]
+    return Plot(
+        "Response against field",
+        "The response of each axis over its field, as a phasor: to the right what answers "
+        "in phase with the field, upwards what comes before it. A sensitivity lies on the "
+        "horizontal line; the circles are where 95 % of such measurements would lie. What "
+        "other driven axes contribute is taken off.",
+        (
+            Panel(
+                (*regions, *circles, Rule(y=0.0, width=0.8), Rule(x=0.0, width=0.8), *arrows),
+                x=Axis("in phase with the field, deg/h/mT", low=-reach, high=reach),
+                y=Axis("a quarter period before, deg/h/mT", low=-reach, high=reach),
+                equal=True,
+                legend="beside",
+            ),
+        ),
+        3.9,
+    )
 
 
-def allan(segments: Sequence[SegmentDetail]) -> Figure:
-    """Draw deviation against averaging time, both logarithmic, with standard uncertainties."""
-    figure = new_figure(3.6)
-    axes = figure.add_subplot()
+def allan(segments: Sequence[SegmentDetail]) -> Plot:
+    """Return deviation against averaging time, both logarithmic, with standard uncertainties."""
+    items = list[Item]()
     for number, detail in enumerate(segments):
         deviation = detail.allan
         if not len(deviation.tau_s):
             continue
         colour = COLOUR[detail.axes[0]] if len(detail.axes) == 1 else BLACK
-        axes.errorbar(
-            deviation.tau_s,
-            deviation.deviation,
-            np.minimum(deviation.standard_uncertainty, 0.9 * deviation.deviation),
-            fmt=MARKERS[number % len(MARKERS)],
-            color=colour,
-            markersize=3.5,
-            elinewidth=0.8,
-            label=f"{joined(detail.axes)} driven",
+        items.append(
+            Points(
+                deviation.tau_s,
+                deviation.deviation,
+                bars=np.minimum(deviation.standard_uncertainty, 0.9 * deviation.deviation),
+                marker=MARKERS[number % len(MARKERS)],
+                colour=colour,
+                size=3.5,
+                label=f"{joined(detail.axes)} driven",
+            )
         )
         if detail.noise is not None:
             tau_s = np.geomspace(deviation.tau_s[0], deviation.tau_s[-1], 120)
-            axes.plot(tau_s, detail.noise.deviation_deg_per_h(tau_s), color=colour, linewidth=1.0)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("averaging time τ, s")
-    axes.set_ylabel("Allan deviation σ(τ), deg/h")
-    axes.legend(loc="upper right")
-    return figure
-
-
-def joined(axes: Sequence[str]) -> str:
-    """Return names as a list in words."""
-    return axes[0] if len(axes) == 1 else ", ".join(axes[:-1]) + " and " + axes[-1]
+            curve = detail.noise.deviation_deg_per_h(tau_s)
+            items.append(Line(tau_s, curve, colour=colour, width=1.0))
+    return Plot(
+        "Allan deviation",
+        ALLAN,
+        (
+            Panel(
+                tuple(items),
+                x=Axis("averaging time τ, s", log=True),
+                y=Axis("Allan deviation σ(τ), deg/h", log=True),
+                legend="upper right",
+            ),
+        ),
+        3.6,
+    )

@@ -173,16 +173,17 @@ def _fill(axes: Axes, panel: Panel, texts: Texts) -> None:
     for axis, scale in ((panel.x, axes.set_xscale), (panel.y, axes.set_yscale)):
         if axis.log:
             scale("log")
-    handles = []
+    handles: dict[str, Any] = {}
     for number, item in enumerate(panel.items):
         handle = _draw(axes, item, panel, 2.0 + number / 100.0, texts)
         if label := getattr(item, "label", ""):
-            handles.append((handle, texts(label)))
+            handles.setdefault(texts(label), handle)
     axes.autoscale_view()  # patches and arrows do not ask for it
     if handles and panel.legend:
         where = LEGENDS.get(panel.legend) or {"loc": panel.legend, "borderaxespad": 0.2}
         axes.legend(
-            *zip(*handles, strict=True),
+            handles.values(),
+            handles.keys(),
             ncols=panel.legend_columns,
             handlelength=1.6,
             columnspacing=1.0 if panel.legend not in LEGENDS else 2.0,
@@ -240,7 +241,8 @@ def _draw(axes: Any, item: Item, panel: Panel, order: float, texts: Texts) -> An
     if isinstance(item, Arrow):
         look = {"arrowstyle": "-|>", "color": colour, "linewidth": item.width}
         axes.update_datalim([(item.x, item.y), (item.from_x, item.from_y)])
-        return axes.annotate("", (item.x, item.y), (item.from_x, item.from_y), arrowprops=look)
+        ends = (item.x, item.y), (item.from_x, item.from_y)
+        return axes.annotate("", *ends, arrowprops=look, zorder=order)
     if isinstance(item, Note):
         return axes.text(
             item.x,
