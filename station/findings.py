@@ -106,6 +106,13 @@ class Flag:
         }
         return {**data, **shown}
 
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Flag:
+        """Return the flag that `to_data` wrote."""
+        details = dict(data)
+        code, axis, message = (details.pop(key) for key in ("code", "axis", "message"))
+        return cls(code, message, axis, details)
+
 
 CONTRADICTS = "contradicts-statement"
 
@@ -145,6 +152,12 @@ class Covariance:
     def to_data(self) -> dict[str, Any]:
         """Return the `covariance` of the result document."""
         return {"names": [list(key) for key in self.keys], "matrix": [*map(list, self.matrix)]}
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Covariance:
+        """Return the covariance that `to_data` wrote."""
+        keys = tuple((name, axis) for name, axis in data["names"])
+        return cls(keys, tuple(tuple(row) for row in data["matrix"]))
 
 
 @dataclass(frozen=True)

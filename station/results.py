@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,12 @@ from station.findings import Covariance, Estimate, Findings, Flag, Published, fi
 from station.uncertainty import BudgetLine, Combined, combine, covariance_of
 
 SCHEMA = 1
+NUMBERS = (
+    "standard_uncertainty",
+    "degrees_of_freedom",
+    "coverage_factor",
+    "expanded_uncertainty",
+)
 LIMIT_WITHOUT_RESULT = "limit-without-result"
 WITHOUT_RESULT: Verdict = "inconclusive"
 WRONG_EXCITATION = "wrong-excitation"
@@ -27,14 +34,8 @@ class Result:
     decision: Decision
     guard_band: float = 0.0
     """By how much the value must be within its limit, in its unit."""
-
-    @property
-    def conformity(self) -> float | None:
-        """The probability that the quantity is within its limit; None without one."""
-        if self.combined is None:
-            return None
-        u, dof = self.combined.standard_uncertainty, self.combined.degrees_of_freedom
-        return conformity(self.estimate.value, u, dof, self.limit)
+    conformity: float | None = None
+    """The probability that the quantity is within its limit; None without one."""
 
     @property
     def budget(self) -> tuple[BudgetLine, ...]:
@@ -71,6 +72,33 @@ class Result:
             data["budget"] = [line.to_data() for line in combined.budget]
         return {**data, **estimate.extra}
 
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Result:
+        """Return the result that `to_data` wrote."""
+        rest = dict(data)
+        name, axis, value, unit = (rest.pop(key) for key in ("name", "axis", "value", "unit"))
+        numbers = [rest.pop(key) for key in NUMBERS]
+        method, limit, verdict = (rest.pop(key) for key in ("method", "limit", "verdict"))
+        decision = Decision(verdict, rest.pop("decision", None))
+        band, likely = rest.pop("guard_band", 0.0), rest.pop("conformity_probability", None)
+        budget = tuple(BudgetLine.of(line) for line in rest.pop("budget", ()))
+        own = next((line for line in budget if line.kind == "A"), None)
+        estimate = Estimate(
+            name,
+            axis,
+            value,
+            unit,
+            own.standard_uncertainty if own else None,
+            finite(own.degrees_of_freedom) if own else None,
+            method,
+            {line.quantity: line.sensitivity for line in budget if line.kind == "B"},
+            rest,
+        )
+        u, dof, factor, expanded = numbers
+        dof = math.inf if dof is None else dof
+        combined = None if u is None else Combined(u, dof, factor, expanded, budget)
+        return cls(estimate, combined, limit and Limit(**limit), decision, band or 0.0, likely)
+
 
 @dataclass(frozen=True)
 class ResultDocument:
@@ -95,6 +123,18 @@ class ResultDocument:
             "flags": [flag.to_data() for flag in self.flags],
             **related,
         }
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> ResultDocument:
+        """Return the document that `to_data` wrote; raises KeyError or TypeError."""
+        return cls(
+            data["procedure"],
+            [Result.of(entry) for entry in data["results"]],
+            [Published(**entry) for entry in data["as_published"]],
+            [Flag.of(entry) for entry in data["flags"]],
+            data["verdict"],
+            Covariance.of(data["covariance"]) if "covariance" in data else None,
+        )
 
     def result(self, name: str, axis: str | None = None) -> Result:
         """Return one result; KeyError where there is none of that name and axis."""
@@ -138,7 +178,11 @@ def conclude(
         if wrong and limit is not None:
             decision = Decision("inconclusive", WRONG_EXCITATION)
         band = (expanded or 0.0) if rule == "guarded" else 0.0
-        results.append(Result(estimate, uncertainty, limit, decision, band))
+        likely = None
+        if uncertainty:
+            u, dof = uncertainty.standard_uncertainty, uncertainty.degrees_of_freedom
+            likely = conformity(estimate.value, u, dof, limit)
+        results.append(Result(estimate, uncertainty, limit, decision, band, likely))
     there = {(estimate.name, estimate.axis) for estimate in findings.estimates}
     lacking = [key for key in limits if key not in there and _is_measured(key, measured or {})]
     verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]

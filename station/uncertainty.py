@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -49,6 +49,15 @@ class BudgetLine:
             "sensitivity": self.sensitivity,
             "share": self.share,
         }
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> BudgetLine:
+        """Return the line that `to_data` wrote."""
+        rest = dict(data)
+        dof = rest.pop("degrees_of_freedom")
+        return cls(
+            kind=rest.pop("type"), degrees_of_freedom=math.inf if dof is None else dof, **rest
+        )
 
 
 @dataclass(frozen=True)

@@ -118,11 +118,14 @@ RUN_FILES = {
     "spectrum-AXIS.csv": "rlg-magnetic-sensitivity: the table of step S6; `IA-NA-LA` for coils "
     "driven at once",
     "results.json": "the results; a copy of revision 000",
+    "plots.json": "the plots and tables of the procedure, as data; a copy of revision 000",
     "report.html": "the report; a copy of revision 000",
     "revisions/NNN/results.json": "the results of one analysis; 000 is the run's own, others begin "
     "at 001",
+    "revisions/NNN/plots.json": "its plots and tables: reports in every language and format, and "
+    "the panel, draw these; at most 4000 points a trace, 2 MB in all",
     "revisions/NNN/report.html": "its report",
-    "revisions/NNN/manifest.json": "SHA-256 of both",
+    "revisions/NNN/manifest.json": "SHA-256 of all of them",
     "signatures/NNN.json": "a signature: the words that were signed (who, when, the SHA-256 of the "
     "log's line that says so), the signature, the public key",
     "exports/RUN.h5": "the raw data as HDF5, made from the record when the run ends",

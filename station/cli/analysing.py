@@ -10,6 +10,8 @@ from station.console import tell
 from station.dataset_reading import read_dataset
 from station.errors import DamagedRecord, InputError, reason_of
 from station.files.lookup import is_there
+from station.findings import Findings
+from station.parts import parts_of_text
 from station.record.files import write_whole_file
 from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
 from station.record.integrity import MAX_FLAGS, first, sentence_of
@@ -22,6 +24,7 @@ from station.runner.evaluation import (
     evaluate_run,
     exit_code_of,
     largest_difference,
+    plots_of,
     write_files,
     write_results,
     write_revision,
@@ -75,14 +78,19 @@ def analyse_run(path: Path, output: Path | None, *, compare: bool) -> ResultDocu
         written = made(output)
         write_revision(folder, written, document, findings)
     else:
-        with draft_revision(path) as draft:
-            write_revision(folder, draft, document, findings)
-            written = add_revision(path, draft)
+        written = new_revision(folder, document, findings)
     tell(f"written: {written / RESULTS}, {written / REPORT}")
     if old is not None:
         difference = largest_difference(old, document.to_data())
         tell(f"largest difference from the stored results: {difference:.3g} standard uncertainties")
     return document
+
+
+def new_revision(folder: RunFolder, document: ResultDocument, findings: Findings) -> Path:
+    """Write what was evaluated into a new revision of a run, and return its folder."""
+    with draft_revision(folder.path) as draft:
+        write_revision(folder, draft, document, findings)
+        return add_revision(folder.path, draft)
 
 
 def name_unused(folder: RunFolder) -> None:
@@ -131,7 +139,8 @@ def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
         made(output)
         write_results(output, document)
         write_files(output, document, findings)
-        write_whole_file(output / REPORT, report_of_dataset(raw, document, findings).encode())
+        page = report_of_dataset(raw, document, parts_of_text(plots_of(document, findings)))
+        write_whole_file(output / REPORT, page.encode())
         tell(f"written: {output / RESULTS}, {output / REPORT}")
     return document
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from station.cli.analysing import name_unused
+from station.cli.analysing import name_unused, new_revision
 from station.console import tell
 from station.errors import InputError
 from station.record.files import A_COPY, replaced
 from station.record.folder import EXPORTS, REPORT, RunFolder, read_run
+from station.report.revision import Revision, newest_revision
 from station.runner.evaluation import evaluate_run
 from station.texts import ENGLISH, Texts, choices
 
@@ -47,15 +48,29 @@ def remake_report(
         raise InputError(f"a {kind} as {format} has no letterhead; leave --letterhead out")
     texts = texts_of(language, format)
     folder = read_run(path)
+    folder.damage.refuse_altered()
     file = path / EXPORTS / name
-    content = (
-        certificate(folder, format, paper, letterhead, texts) if kind == "certificate" else None
-    )
-    content = content or report(folder, format, paper, letterhead, texts)
-    name_unused(folder)
     with replaced(file, A_COPY, parents=True) as part:
-        part.write_bytes(content)
+        make = certificate if kind == "certificate" else report
+        part.write_bytes(make(folder, format, paper, letterhead, texts))
+        name_unused(folder)
     print(file)
+
+
+def revision_of(folder: RunFolder, *, drawn: bool) -> Revision:
+    """Return the newest revision of a run; where there is none, it is evaluated into one.
+
+    `drawn`: with plots, which a revision of before they were data does not have.
+    """
+    revision = newest_revision(folder)
+    if revision is None or (drawn and not revision.drawn):
+        document, findings = evaluate_run(folder)
+        why = "no revision stands for the run as it is now"
+        if revision is not None:
+            why = f"revision {revision.path.name} has no plots"
+        revision = Revision(new_revision(folder, document, findings))
+        tell(f"{why}: evaluated once more, into {revision.path}")
+    return revision
 
 
 def texts_of(language: str, format: str) -> Texts:
@@ -73,7 +88,7 @@ def certificate(
     """Return the certificate of a run as html or pdf; say why where it is a draft."""
     from station.report.certificate import certificate_of_run, sheet_of
 
-    document, _ = evaluate_run(folder)
+    document = revision_of(folder, drawn=False).document
     sheet = sheet_of(certificate_of_run(folder, document))
     for reason in sheet.drafts:
         tell(f"draft: {reason}")
@@ -89,7 +104,8 @@ def report(
     folder: RunFolder, format: str, paper: str, letterhead: Path | None, texts: Texts
 ) -> bytes:
     """Return the report of a run in a format: html, pdf, csv or junit."""
-    document, findings = evaluate_run(folder)
+    revision = revision_of(folder, drawn=format in ("html", "pdf"))
+    document = revision.document
     if format in ("csv", "junit"):
         # A spreadsheet reads UTF-8 as such by its byte order mark only.
         coding = "utf-8-sig" if format == "csv" else "utf-8"
@@ -97,14 +113,12 @@ def report(
     from station.report.run_report import context_of_run, report_of_run
 
     if format == "html":
-        return report_of_run(folder, document, findings, texts).encode()
-    from station.report.drawing import parts_of
+        return report_of_run(folder, document, revision.parts, texts).encode()
     from station.report.report_sheet import report_sheet
 
-    context, procedure = context_of_run(folder)
-    parts = parts_of(procedure, findings, document)
+    context = context_of_run(folder)
     number = folder.path.resolve().name
-    sheet = report_sheet(number, context, document, parts).translated(texts)
+    sheet = report_sheet(number, context, document, revision.parts, texts).translated(texts)
     return pdf_of(sheet, paper, letterhead)
 
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 RESULTS = "results.json"
 REPORT = "report.html"
+PLOTS = "plots.json"
 EXPORTS = "exports"
 MAX_LATER = 1000
 FACTS = ("started_utc", "station", "python", "packages", "host", "system")

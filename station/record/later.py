@@ -17,7 +17,7 @@ from station.clock import utc_now
 from station.console import tell
 from station.errors import RecordError
 from station.files.locks import FileLock, LockHeld, remove_if_free
-from station.record.events import REVISED, Event, EventLog, read_events
+from station.record.events import RESUMED, REVISED, Event, EventLog, read_events
 from station.record.files import is_own_file, sync_folder
 from station.record.layout import (
     EVENTS,
@@ -111,6 +111,17 @@ def named_revisions(events: Sequence[Event]) -> dict[str, str]:
         for number, manifest in event.details.get("revisions", {}).items():
             named[number] = named.get(number) or manifest
     return named
+
+
+def revisions_of_all_data(events: Sequence[Event]) -> list[str]:
+    """Return the revisions that were made of all that a run has recorded, the newest first."""
+    since: list[str] = []
+    for event in events:
+        if event.kind == RESUMED:
+            since.clear()
+        elif event.kind == REVISED:
+            since.insert(0, str(event.details["revision"]))
+    return since
 
 
 def revisions_of(folder: Path) -> dict[str, Path]:

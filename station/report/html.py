@@ -75,7 +75,7 @@ def render_html(
             results=result_rows(document.results),
             published=published_rows(document),
             flags=document.flags,
-            parts=[_part(part) for part in parts],
+            parts=[_part(part, texts) for part in parts],
             budgets=budgets_of(document.results),
         )
     )
@@ -84,7 +84,9 @@ def render_html(
 def render_parts(title: str, about: str, parts: Sequence[Part]) -> str:
     """Return a page of plots and tables alone, in the style of the report."""
     template = environment().get_template("parts.html.j2")
-    return template.render(title=title, about=about, css=style(), parts=[_part(p) for p in parts])
+    return template.render(
+        title=title, about=about, css=style(), parts=[_part(p, IN_ENGLISH) for p in parts]
+    )
 
 
 def environment(texts: Texts = IN_ENGLISH) -> Environment:
@@ -242,12 +244,12 @@ def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
     return budgets
 
 
-def _part(part: Part) -> dict[str, Any]:
+def _part(part: Part, texts: Texts) -> dict[str, Any]:
     """Return a part of the procedure as the template draws it."""
     if isinstance(part, Plot):
         from station.report.drawing import CSS_DPI, DPI, png_of
 
-        png = png_of(part)
+        png = png_of(part, texts)
         # Width and height stand in the first chunk (PNG specification, 11.2.2).
         width, height = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))
         image = base64.b64encode(png).decode("ascii")

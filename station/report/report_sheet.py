@@ -10,10 +10,15 @@ from station.report.html import badge_of, budgets_of, published_rows, result_row
 from station.report.numbers import format_duration
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
+from station.texts import IN_ENGLISH, Texts
 
 
 def report_sheet(
-    number: str, context: ReportContext, document: ResultDocument, parts: Sequence[Part]
+    number: str,
+    context: ReportContext,
+    document: ResultDocument,
+    parts: Sequence[Part],
+    texts: Texts = IN_ENGLISH,
 ) -> Sheet:
     """Return the report as a sheet; `number` is the run's and stands on every page."""
     return Sheet(
@@ -24,14 +29,14 @@ def report_sheet(
         address=f"Source: {context.source}" if context.source else "",
         accreditation="",
         sections=tuple(
-            section for section in _sections(context, document, parts) if section.blocks
+            section for section in _sections(context, document, parts, texts) if section.blocks
         ),
         contents=True,
     )
 
 
 def _sections(
-    context: ReportContext, document: ResultDocument, parts: Sequence[Part]
+    context: ReportContext, document: ResultDocument, parts: Sequence[Part], texts: Texts
 ) -> Iterator[Section]:
     badge = badge_of(document, context)
     head = (
@@ -50,7 +55,7 @@ def _sections(
         yield Section("The published formula on the same data", (_published(document),))
     flags = [(f"{flag.code} {flag.axis or ''}".strip(), flag.message) for flag in document.flags]
     yield Section("What the reader must know", (pairs(flags),) if flags else ())
-    yield Section("Measurement and analysis", tuple(_part(part) for part in parts))
+    yield Section("Measurement and analysis", tuple(_part(part, texts) for part in parts))
     yield Section("Uncertainty budget", tuple(_budgets(document)))
     yield Section("Parameters of the plan", (pairs(context.parameters),))
     yield Section("Steps", tuple(_steps(context)))
@@ -82,11 +87,11 @@ def _published(document: ResultDocument) -> Block:
     return grid(columns, [[row[key] for key in keys] for row in published_rows(document)])
 
 
-def _part(part: Part) -> Block:
+def _part(part: Part, texts: Texts) -> Block:
     if isinstance(part, Plot):
         from station.report.drawing import png_of
 
-        return Block("picture", part.title, part.caption, image=png_of(part))
+        return Block("picture", part.title, part.caption, image=png_of(part, texts))
     return grid(part.columns, part.rows, part.caption, part.title)
 
 

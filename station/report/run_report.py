@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from station.fields import to_yaml_data
-from station.findings import Findings
 from station.instruments.bench import Bench
-from station.procedure import Procedure, procedure_of
+from station.parts import Part
+from station.procedure import procedure_of
 from station.record.events import LEFT_FOR_THE_END, Event
 from station.record.folder import RunFolder
 from station.record.layout import versions
@@ -21,7 +21,6 @@ from station.report.context import (
     SafeStateRow,
     StepRow,
 )
-from station.report.drawing import parts_of
 from station.report.html import render_html
 from station.results import ResultDocument
 from station.safety.interlocks.reading import CHAIN
@@ -35,20 +34,22 @@ ASKED_LAST = "asked once bench and results were done"
 
 
 def report_of_run(
-    folder: RunFolder, document: ResultDocument, findings: Findings, texts: Texts = IN_ENGLISH
+    folder: RunFolder,
+    document: ResultDocument,
+    parts: Sequence[Part],
+    texts: Texts = IN_ENGLISH,
 ) -> str:
     """Return the report of a run as one HTML page."""
-    context, procedure = context_of_run(folder)
-    return render_html(document, context, parts_of(procedure, findings, document), texts)
+    return render_html(document, context_of_run(folder), parts, texts)
 
 
-def context_of_run(folder: RunFolder) -> tuple[ReportContext, Procedure]:
-    """Return what the report of a run shows beside the results, and the run's procedure."""
+def context_of_run(folder: RunFolder) -> ReportContext:
+    """Return what the report of a run shows beside the results."""
     plan, bench = read_plan_and_bench(folder)
     procedure = procedure_of(plan.procedure)
     facts = folder.run_facts()
     simulated = bench.simulation is not None
-    context = ReportContext(
+    return ReportContext(
         title=procedure.title,
         source=procedure.source,
         started_utc=time_of_day(facts["started_utc"]),
@@ -81,7 +82,6 @@ def context_of_run(folder: RunFolder) -> tuple[ReportContext, Procedure]:
         notes=tuple(notes_of(bench)),
         references=tuple(plan.header.references.items()),
     )
-    return context, procedure
 
 
 def prompt_rows(folder: RunFolder) -> Iterator[PromptRow]:
@@ -197,7 +197,7 @@ def version_rows(facts: Mapping[str, Any]) -> Iterator[Row]:
     yield "computer", f"{facts['host']}, {facts['system']}"
 
 
-def report_of_dataset(raw: RawDataset, document: ResultDocument, findings: Findings) -> str:
+def report_of_dataset(raw: RawDataset, document: ResultDocument, parts: Sequence[Part]) -> str:
     """Return the report of an imported dataset as one HTML page."""
     procedure = procedure_of(raw.procedure)
     context = ReportContext(
@@ -213,4 +213,4 @@ def report_of_dataset(raw: RawDataset, document: ResultDocument, findings: Findi
         versions=tuple(version_rows(versions())),
         reproduce=f"station analyse {raw.folder.name}",
     )
-    return render_html(document, context, parts_of(procedure, findings, document))
+    return render_html(document, context, parts)

@@ -26,10 +26,11 @@ from station.errors import (
 from station.files.faults import FaultList, not_there
 from station.findings import Findings, Flag
 from station.instruments.bench import Bench
+from station.parts import parts_of_text, text_of_parts
 from station.procedure import Procedures, check_findings, procedure_of
 from station.record.events import RESUMED, SAFE_STATE, TIME_MISSED
 from station.record.files import write_whole_file
-from station.record.folder import REPORT, RESULTS, RunFolder
+from station.record.folder import PLOTS, REPORT, RESULTS, RunFolder
 from station.record.later import add_own_revision, draft_revision
 from station.record.layout import MANIFEST, write_manifest
 from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
@@ -260,15 +261,24 @@ def write_revision(
     *,
     report: bool = True,
 ) -> None:
-    """Write what was evaluated into `place`: results, a report if wanted, a manifest of both."""
+    """Write what was evaluated into `place`: results, plots and report if wanted, a manifest."""
     write_results(place, document)
     write_files(place, document, findings)
     if report:
         from station.report.run_report import report_of_run
 
-        page = report_of_run(folder, document, findings)
+        plots = plots_of(document, findings)
+        write_whole_file(place / PLOTS, plots.encode())
+        page = report_of_run(folder, document, parts_of_text(plots))
         write_whole_file(place / REPORT, page.encode())
     write_manifest(place)
+
+
+def plots_of(document: ResultDocument, findings: Findings) -> str:
+    """Return the text of `plots.json`: what the procedure adds to the report."""
+    from station.report.drawing import parts_of  # bridge: `report` of the procedure is enough
+
+    return text_of_parts(parts_of(procedure_of(document.procedure), findings, document))
 
 
 def write_results(place: Path, document: ResultDocument) -> None:

@@ -122,6 +122,7 @@ def test_of_a_run_that_ended_early(
 SPOILED = (
     "results.json",
     "report.html",
+    "plots.json",
     "run.json",
     "plan.yaml",
     "bench.yaml",

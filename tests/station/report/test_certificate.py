@@ -244,7 +244,7 @@ def test_the_report_as_pdf_has_contents_plots_tables_and_references(
     run: tuple[RunFolder, ResultDocument],
 ) -> None:
     folder, document = run
-    context, _ = context_of_run(folder)
+    context = context_of_run(folder)
     figure = new_figure()
     figure.subplots().plot([0, 1], [0, 1])
     sheet = report_sheet("N-1", context, document, [Plot("The line", "It rises.", figure)])
