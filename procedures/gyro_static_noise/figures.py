@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from procedures.estimation.rate_spectrum import allan_terms
 from station.findings import Findings
-from station.parts import Part, Plot, Table
-from station.report.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure
+from station.parts import Part, Table
+from station.plots import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    Axis,
+    Item,
+    Line,
+    Panel,
+    Plot,
+    Points,
+)
 from station.report.numbers import format_number
 from station.results import ResultDocument
 
@@ -27,62 +39,63 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     parts: list[Part] = []
     for analysed in analysis.axes:
         if analysed.fit is not None:
-            parts += [
-                Plot(
-                    f"Allan deviation, {analysed.axis}",
-                    "Points: overlapping Allan deviation of the longest records; bars are 2 u in "
-                    "white noise, at a third of the record they are wide. Line: the fitted noise; "
-                    "broken lines: its parts. The curve holds ramp and periodic lines, the model "
-                    "does not.",
-                    _allan(analysed),
-                ),
-                Plot(
-                    f"Record at rest, {analysed.axis}",
-                    "Means of neighbouring samples of the records that give the noise.",
-                    _records(analysed, dataset.sample_interval_s),
-                ),
-            ]
+            parts += [_allan(analysed), _records(analysed, dataset.sample_interval_s)]
         if len(analysed.means):
             parts.append(_switch_ons(analysed, dataset))
     return tuple(parts)
 
 
-def _allan(analysed: AxisAnalysis) -> Figure:
+def _allan(analysed: AxisAnalysis) -> Plot:
     assert analysed.fit is not None and analysed.curve is not None
-    figure = new_figure()
-    axes = figure.add_subplot()
     tau, measured = analysed.curve.tau_s, analysed.curve.deviation
     # On a logarithmic scale a bar that reaches zero would have no end.
     reach = np.minimum(2.0 * analysed.curve.standard_uncertainty, 0.9 * measured)
-    axes.errorbar(tau, measured, reach, fmt="o", color=GREY, markersize=3, label="measured")
     parts = analysed.fit.theta[:, None] * allan_terms(tau)
-    axes.plot(tau, np.sqrt(parts.sum(axis=0)), color=VERMILION, label="fitted noise")
     floor = 0.2 * float(measured.min())
+    items: list[Item] = [
+        Line(tau, np.sqrt(parts.sum(axis=0)), colour=VERMILION, label="fitted noise")
+    ]
     for (name, colour), part in zip(PARTS, np.sqrt(parts), strict=True):
         if part.max() > floor:
-            axes.plot(tau, part, "--", color=colour, linewidth=0.9, label=name)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=floor)
-    axes.set_xlabel("averaging time, s")
-    axes.set_ylabel("Allan deviation, deg/h")
-    axes.legend(loc="best")
-    return figure
+            items.append(Line(tau, part, colour=colour, width=0.9, dashes="--", label=name))
+    items.append(
+        Points(tau, measured, bars=reach, bar_width=1.4, colour=GREY, size=3.0, label="measured")
+    )
+    return Plot(
+        f"Allan deviation, {analysed.axis}",
+        "Points: overlapping Allan deviation of the longest records; bars are 2 u in white noise, "
+        "at a third of the record they are wide. Line: the fitted noise; broken lines: its parts. "
+        "The curve holds ramp and periodic lines, the model does not.",
+        (
+            Panel(
+                tuple(items),
+                x=Axis("averaging time, s", log=True),
+                y=Axis("Allan deviation, deg/h", log=True, low=floor),
+            ),
+        ),
+    )
 
 
-def _records(analysed: AxisAnalysis, interval_s: float) -> Figure:
+def _records(analysed: AxisAnalysis, interval_s: float) -> Plot:
     assert analysed.fit is not None
-    figure = new_figure()
-    axes = figure.add_subplot()
+    lines = []
     for piece in analysed.fit.pieces:
         group = max(1, len(piece) // MAX_DOTS)
         whole = len(piece) // group * group
         mean = piece[:whole].reshape(-1, group).mean(axis=1)
-        hours = (np.arange(len(mean)) + 0.5) * group * interval_s / 3600.0
-        axes.plot(hours, mean, color=BLUE, linewidth=0.7)
-    axes.set_xlabel("time in the record, h")
-    axes.set_ylabel("rate, earth's rate in it, deg/h")
-    return figure
+        hours = (np.arange(0.5, len(mean)) * group) * (interval_s / 3600.0)
+        lines.append(Line(hours, mean, width=0.7))
+    return Plot(
+        f"Record at rest, {analysed.axis}",
+        "Means of neighbouring samples of the records that give the noise.",
+        (
+            Panel(
+                tuple(lines),
+                x=Axis("time in the record, h"),
+                y=Axis("rate, earth's rate in it, deg/h"),
+            ),
+        ),
+    )
 
 
 def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
