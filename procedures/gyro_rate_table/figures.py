@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from station.findings import Findings
-from station.parts import Part, Plot, Table
-from station.report.drawing import BLUE, GREY, VERMILION, new_figure
+from station.parts import Part, Table
+from station.plots import GREY, VERMILION, Axis, Panel, Plot, Points, Rule
 from station.report.numbers import format_number
 from station.results import ResultDocument
 
@@ -16,6 +15,8 @@ from .dataset import PPM
 from .joint_fit import JointFit
 from .results import Results
 
+ZERO = Rule(y=0.0, colour=GREY, width=1.4, dashes="--")
+
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the response's distance from its line, the scale factors, and the residuals."""
@@ -23,64 +24,58 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     fit, results = analysis.fit, analysis.results
     if fit is None or results is None or results.scale_factor is None:
         return ()
-    return (
-        Plot(
-            "Scale factor by rate",
-            "K_i over K less one, both senses together; bars are 2 u. The broken line is K.",
-            _factors(results),
+    return (_factors(results), _distances(results), _residuals(fit), _table(results))
+
+
+def _factors(results: Results) -> Plot:
+    assert results.scale_factor is not None
+    scale = results.scale_factor.value
+    off = (results.factors / scale - 1.0) * PPM
+    bars = 2.0 * results.factors_u / abs(scale) * PPM
+    return Plot(
+        "Scale factor by rate",
+        "K_i over K less one, both senses together; bars are 2 u. The broken line is K.",
+        (
+            Panel(
+                (ZERO, Points(results.nominal, off, bars=bars, bar_width=1.4)),
+                x=Axis("rate, deg/s", log=True),
+                y=Axis("K_i/K - 1, ppm"),
+            ),
         ),
-        Plot(
-            "Distance from the line",
-            "Response without noise and bias less the line K, over the largest rate, in both "
-            "senses.",
-            _distances(results),
-        ),
-        Plot(
-            "Residuals of the records",
-            "Mean of each record less the joint solution, in the order of recording; bars are 2 u "
-            "of its own noise.",
-            _residuals(fit),
-        ),
-        _table(results),
     )
 
 
-def _factors(results: Results) -> Figure:
-    assert results.scale_factor is not None
-    scale = results.scale_factor.value
-    figure = new_figure()
-    axes = figure.add_subplot()
-    off = (results.factors / scale - 1.0) * PPM
-    bars = 2.0 * results.factors_u / abs(scale) * PPM
-    axes.errorbar(results.nominal, off, bars, fmt="o", color=BLUE, markersize=4)
-    axes.axhline(0.0, linestyle="--", color=GREY)
-    axes.set_xscale("log")
-    axes.set_xlabel("rate, deg/s")
-    axes.set_ylabel("K_i/K - 1, ppm")
-    return figure
-
-
-def _distances(results: Results) -> Figure:
-    figure = new_figure()
-    axes = figure.add_subplot()
+def _distances(results: Results) -> Plot:
     rates = np.concatenate((-results.nominal[::-1], results.nominal))
     distances = np.concatenate((results.curve[1][::-1], results.curve[0]))
-    axes.plot(rates, distances, "o-", color=VERMILION, markersize=4)
-    axes.axhline(0.0, linestyle="--", color=GREY)
-    axes.set_xlabel("rate, deg/s")
-    axes.set_ylabel("distance from the line, ppm of the largest rate")
-    return figure
+    return Plot(
+        "Distance from the line",
+        "Response without noise and bias less the line K, over the largest rate, in both senses.",
+        (
+            Panel(
+                (ZERO, Points(rates, distances, colour=VERMILION, joined=1.4)),
+                x=Axis("rate, deg/s"),
+                y=Axis("distance from the line, ppm of the largest rate"),
+            ),
+        ),
+    )
 
 
-def _residuals(fit: JointFit) -> Figure:
-    figure = new_figure()
-    axes = figure.add_subplot()
+def _residuals(fit: JointFit) -> Plot:
     place = np.arange(1, len(fit.residual) + 1)
-    axes.errorbar(place, fit.residual, 2.0 * fit.residual_u, fmt="o", color=BLUE, markersize=3)
-    axes.axhline(0.0, linestyle="--", color=GREY)
-    axes.set_xlabel("record")
-    axes.set_ylabel("residual, deg/h")
-    return figure
+    bars = 2.0 * fit.residual_u
+    return Plot(
+        "Residuals of the records",
+        "Mean of each record less the joint solution, in the order of recording; bars are 2 u of "
+        "its own noise.",
+        (
+            Panel(
+                (ZERO, Points(place, fit.residual, bars=bars, bar_width=1.4, size=3.0)),
+                x=Axis("record"),
+                y=Axis("residual, deg/h"),
+            ),
+        ),
+    )
 
 
 def _table(results: Results) -> Table:
