@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from station.findings import Findings
-from station.parts import Part, Plot, Table
-from station.report.drawing import BLUE, GREY, VERMILION, new_figure
+from station.parts import Part, Table
+from station.plots import BLUE, GREY, VERMILION, Axis, Band, Line, Panel, Plot, Points, Rule
 from station.report.numbers import format_with_uncertainty
 from station.results import ResultDocument
 
@@ -29,25 +28,9 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         if fit is None:
             continue
         parts += [
-            Plot(
-                f"Bias over the record, {one_axis.axis}",
-                "Output less the earth's rate, and the solution: curve, rate of temperature and "
-                "hysteresis. Below, the temperature that the curve follows.",
-                _record(one_axis, fit),
-            ),
-            Plot(
-                f"Bias over temperature, {one_axis.axis}",
-                "Points: output less the part of the rate of temperature; warming and cooling lie "
-                "apart by the hysteresis. Line: the curve at rest in mid-loop, band 2 u.",
-                _curve(one_axis, fit),
-            ),
-            Plot(
-                f"Residuals over the record, {one_axis.axis}",
-                "Output less the solution. Slow waves are the random walk and the bias "
-                "instability, which the fitted noise holds; a shape that follows the temperature "
-                "is not.",
-                _residuals(one_axis, fit),
-            ),
+            _record(one_axis, fit),
+            _curve(one_axis, fit),
+            _residuals(one_axis, fit),
             _table(one_axis, fit),
         ]
     return tuple(parts)
@@ -57,45 +40,74 @@ def _hours(one_axis: AxisOverTemperature) -> np.ndarray:
     return np.asarray((one_axis.time_s - one_axis.time_s[0]) / HOUR_S)
 
 
-def _record(one_axis: AxisOverTemperature, fit: BiasFit) -> Figure:
-    figure = new_figure()
-    above, below = figure.subplots(2, 1, sharex=True)
-    above.plot(_hours(one_axis), one_axis.rate_deg_per_h, ".", color=GREY, markersize=1)
-    above.plot(_hours(one_axis), fit.fitted, color=BLUE)
-    above.set_ylabel("bias, deg/h")
-    below.plot(_hours(one_axis), one_axis.setting.temperature, color=VERMILION)
-    below.set_ylabel("temperature, degC")
-    below.set_xlabel("time, h")
-    return figure
+def _samples(x: np.ndarray, y: np.ndarray) -> Points:
+    return Points(x, y, marker=".", colour=GREY, size=1.0)
 
 
-def _curve(one_axis: AxisOverTemperature, fit: BiasFit) -> Figure:
+def _record(one_axis: AxisOverTemperature, fit: BiasFit) -> Plot:
+    hours = _hours(one_axis)
+    return Plot(
+        f"Bias over the record, {one_axis.axis}",
+        "Output less the earth's rate, and the solution: curve, rate of temperature and "
+        "hysteresis. Below, the temperature that the curve follows.",
+        (
+            Panel(
+                (_samples(hours, one_axis.rate_deg_per_h), Line(hours, fit.fitted)),
+                y=Axis("bias, deg/h"),
+            ),
+            Panel(
+                (Line(hours, one_axis.setting.temperature, colour=VERMILION),),
+                row=1,
+                x=Axis("time, h"),
+                y=Axis("temperature, degC"),
+            ),
+        ),
+        share_x="column",
+    )
+
+
+def _curve(one_axis: AxisOverTemperature, fit: BiasFit) -> Plot:
     setting = one_axis.setting
     rate = setting.columns(fit.order, fit.value_of("lag")[0], 1.0)[:, fit.order]
     place = np.linspace(-1.0, 1.0, PLACES)
     low, high = setting.domain
     at = 0.5 * (low + high) + 0.5 * (high - low) * place
-    values = np.array([fit.bias_at(float(x)) for x in place])
-    figure = new_figure()
-    axes = figure.add_subplot()
+    bias, u = np.array([fit.bias_at(float(x)) for x in place]).T
     free = one_axis.rate_deg_per_h - fit.value_of("s")[0] * rate
-    axes.plot(setting.temperature, free, ".", color=GREY, markersize=1)
-    axes.plot(at, values[:, 0], color=BLUE)
-    edges = values[:, 0] - 2.0 * values[:, 1], values[:, 0] + 2.0 * values[:, 1]
-    axes.fill_between(at, *edges, color=BLUE, alpha=0.2)
-    axes.set_xlabel("temperature, degC")
-    axes.set_ylabel("bias, deg/h")
-    return figure
+    return Plot(
+        f"Bias over temperature, {one_axis.axis}",
+        "Points: output less the part of the rate of temperature; warming and cooling lie apart by "
+        "the hysteresis. Line: the curve at rest in mid-loop, band 2 u.",
+        (
+            Panel(
+                (
+                    Band(at, bias - 2.0 * u, bias + 2.0 * u, colour=BLUE, opacity=0.2),
+                    _samples(setting.temperature, free),
+                    Line(at, bias),
+                ),
+                x=Axis("temperature, degC"),
+                y=Axis("bias, deg/h"),
+            ),
+        ),
+    )
 
 
-def _residuals(one_axis: AxisOverTemperature, fit: BiasFit) -> Figure:
-    figure = new_figure()
-    axes = figure.add_subplot()
-    axes.plot(_hours(one_axis), fit.residual, ".", color=GREY, markersize=1)
-    axes.axhline(0.0, linestyle="--", color=BLUE)
-    axes.set_xlabel("time, h")
-    axes.set_ylabel("residual, deg/h")
-    return figure
+def _residuals(one_axis: AxisOverTemperature, fit: BiasFit) -> Plot:
+    return Plot(
+        f"Residuals over the record, {one_axis.axis}",
+        "Output less the solution. Slow waves are the random walk and the bias instability, which "
+        "the fitted noise holds; a shape that follows the temperature is not.",
+        (
+            Panel(
+                (
+                    _samples(_hours(one_axis), fit.residual),
+                    Rule(y=0.0, colour=BLUE, width=1.4, dashes="--"),
+                ),
+                x=Axis("time, h"),
+                y=Axis("residual, deg/h"),
+            ),
+        ),
+    )
 
 
 def _table(one_axis: AxisOverTemperature, fit: BiasFit) -> Table:
