@@ -6,24 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from station.findings import Findings
-from station.parts import Part, Plot, Table
-from station.report.drawing import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    VERMILION,
-    label_above,
-    label_outer,
-    new_figure,
-    panels,
-)
+from station.parts import Part, Table
+from station.plots import GREEN, GREY, VERMILION, Axis, Line, Panel, Plot, Points, Rule, in_grid
 from station.report.numbers import (
     NOTHING,
     format_limit,
@@ -55,40 +42,11 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(_checks(analysis))
     shots = drawn_shots(analysis, dataset)
     if shots:
-        note = "The fit is a decaying tone with decaying baseline and offset"
-        if analysis.frequencies is not None and analysis.frequencies.joint is not None:
-            note = "The fit is that of all shots, whose frequency falls as their spins fade"
-        parts += [
-            Plot(
-                "Shots and their fits",
-                f"Samples (dots) and fit (line) over the first {DECAYS_SHOWN:g} 1/e "
-                f"times. {note}; where the field lies between pump and probe the baseline is "
-                "as large as the tone.",
-                signals(shots),
-            ),
-            Plot(
-                "What the fits leave",
-                "Residuals over the standard deviation of a sample: noise without a shape "
-                "where the model is right.",
-                residuals(shots),
-            ),
-            Plot(
-                "Spectra",
-                "Amplitude of signal (blue) and residual (green); dashed, the fitted "
-                "frequency. The highest point of a spectrum is not it: lines are as wide as "
-                "they fade, and the baseline leaks into them.",
-                spectra(shots),
-            ),
-        ]
+        frequencies = analysis.frequencies
+        joint = frequencies is not None and frequencies.joint is not None
+        parts += [signals(shots, joint=joint), residuals(shots), spectra(shots)]
     if any(shot.used and np.isfinite(shot.misfit) for shot in analysis.shots):
-        parts.append(
-            Plot(
-                "Shots against the solution",
-                "Frequency of each shot less that of angles, factors and residual field as "
-                "solved, over its uncertainty. With as many shots as unknowns all are zero.",
-                misfit(analysis),
-            )
-        )
+        parts.append(misfit(analysis))
     return (*parts, _shots(analysis))
 
 
@@ -133,70 +91,124 @@ def drawn_shots(analysis: SerfAnalysis, dataset: SerfDataset) -> tuple[Drawn, ..
     return tuple(drawn)
 
 
-def signals(shots: Sequence[Drawn]) -> Figure:
-    """Draw each shot's samples and its fit."""
-    figure, grid = _panels(len(shots), WIDE_COLUMNS)
+def signals(shots: Sequence[Drawn], *, joint: bool) -> Plot:
+    """Return each shot's samples and its fit; `joint`: that of all shots."""
     end_s = DECAYS_SHOWN / min(shot.decay_per_s for shot in shots)
-    for axes, shot in zip(grid, shots, strict=True):
+    panels = []
+    for shot in shots:
         seen, fitted = shot.time_s <= end_s, shot.used_s <= end_s
-        axes.plot(
-            shot.time_s[seen] * MILLI, shot.voltage_V[seen], ".", color=VERMILION, markersize=2.2
+        time_ms, voltage_V = shot.time_s[seen] * MILLI, shot.voltage_V[seen]
+        samples = Points(time_ms, voltage_V, marker=".", colour=VERMILION, size=2.2)
+        fit = Line(shot.used_s[fitted] * MILLI, shot.model_V[fitted], width=0.8)
+        panels.append(Panel((samples, fit), title=f"{shot.name}  {shot.frequency_Hz:.2f} Hz"))
+    note = "The fit is a decaying tone with decaying baseline and offset"
+    if joint:
+        note = "The fit is that of all shots, whose frequency falls as their spins fade"
+    return _in_panels(
+        "Shots and their fits",
+        f"Samples (dots) and fit (line) over the first {DECAYS_SHOWN:g} 1/e times. {note}; where "
+        "the field lies between pump and probe the baseline is as large as the tone.",
+        panels,
+        WIDE_COLUMNS,
+        "time, ms",
+        "signal, V",
+    )
+
+
+def residuals(shots: Sequence[Drawn]) -> Plot:
+    """Return what the fits leave, each on the scale of its own noise."""
+    panels = []
+    for shot in shots:
+        left = shot.residual_V / (shot.noise_V if shot.noise_V > 0.0 else 1.0)
+        panels.append(
+            Panel(
+                (Points(shot.used_s * MILLI, left, marker=".", size=1.6), Rule(y=0.0)),
+                title=f"{shot.name}  σ = {MILLI * shot.noise_V:.3g} mV",
+                y=Axis(low=-NOISE_SPAN, high=NOISE_SPAN),
+            )
         )
-        axes.plot(shot.used_s[fitted] * MILLI, shot.model_V[fitted], color=BLUE, linewidth=0.8)
-        label_above(axes, f"{shot.name}  {shot.frequency_Hz:.2f} Hz")
-    label_outer(grid, WIDE_COLUMNS, "time, ms", "signal, V")
-    return figure
+    return _in_panels(
+        "What the fits leave",
+        "Residuals over the standard deviation of a sample: noise without a shape where the model "
+        "is right.",
+        panels,
+        COLUMNS,
+        "time, ms",
+        "residual, σ",
+    )
 
 
-def residuals(shots: Sequence[Drawn]) -> Figure:
-    """Draw what the fits leave, each on the scale of its own noise."""
-    figure, grid = _panels(len(shots), COLUMNS)
-    for axes, shot in zip(grid, shots, strict=True):
-        scale = shot.noise_V if shot.noise_V > 0.0 else 1.0
-        axes.plot(shot.used_s * MILLI, shot.residual_V / scale, ".", color=BLUE, markersize=1.6)
-        axes.axhline(0.0, color=INK, linewidth=0.6)
-        axes.set_ylim(-NOISE_SPAN, NOISE_SPAN)
-        label_above(axes, f"{shot.name}  σ = {MILLI * shot.noise_V:.3g} mV")
-    label_outer(grid, COLUMNS, "time, ms", "residual, σ")
-    return figure
-
-
-def spectra(shots: Sequence[Drawn]) -> Figure:
-    """Draw the amplitude spectra of signal and residual, the fitted frequency marked."""
-    figure, grid = _panels(len(shots), COLUMNS)
+def spectra(shots: Sequence[Drawn]) -> Plot:
+    """Return the amplitude spectra of signal and residual, the fitted frequency marked."""
     end_Hz = 3.0 * max(shot.frequency_Hz for shot in shots)
-    for axes, shot in zip(grid, shots, strict=True):
+    panels = []
+    for shot in shots:
         frequency_Hz, amplitude = _spectrum(shot.used_s, shot.model_V + shot.residual_V)
         _, left = _spectrum(shot.used_s, shot.residual_V)
         span_s = float(shot.used_s[-1] - shot.used_s[0])
         shown = (frequency_Hz <= end_Hz) & (frequency_Hz >= 1.0 / span_s)
-        axes.semilogy(frequency_Hz[shown], amplitude[shown] * MILLI, color=BLUE, linewidth=0.9)
-        axes.semilogy(frequency_Hz[shown], left[shown] * MILLI, color=GREEN, linewidth=0.7)
-        axes.axvline(shot.frequency_Hz, color=VERMILION, linewidth=0.8, linestyle="--")
-        axes.set_xlim(0.0, end_Hz)
-        axes.xaxis.set_major_locator(MaxNLocator(3, prune="upper"))
-        label_above(axes, shot.name)
-    label_outer(grid, COLUMNS, "frequency, Hz", "mV")
-    return figure
-
-
-def misfit(analysis: SerfAnalysis) -> Figure:
-    """Draw how far each shot's frequency is from the solution, in its uncertainty."""
-    used = [shot for shot in analysis.shots if shot.used and np.isfinite(shot.misfit)]
-    figure = new_figure(2.6)
-    axes = figure.add_subplot()
-    places = np.arange(len(used))
-    axes.plot(places, [shot.misfit for shot in used], "o", color=BLUE, markersize=5)
-    axes.axhline(0.0, color=INK, linewidth=0.7)
-    for edge in (-2.0, 2.0):
-        axes.axhline(edge, color=GREY, linewidth=0.8, linestyle="--")
-    axes.set_xticks(
-        places, [shot.name.replace("-", "−") for shot in used], rotation=45 if len(used) > 8 else 0
+        panels.append(
+            Panel(
+                (
+                    Line(frequency_Hz[shown], amplitude[shown] * MILLI, width=0.9),
+                    Line(frequency_Hz[shown], left[shown] * MILLI, colour=GREEN, width=0.7),
+                    Rule(x=shot.frequency_Hz, colour=VERMILION, width=0.8, dashes="--"),
+                ),
+                title=shot.name,
+                x=Axis(low=0.0, high=end_Hz, most=3),
+                y=Axis(log=True),
+            )
+        )
+    return _in_panels(
+        "Spectra",
+        "Amplitude of signal (blue) and residual (green); dashed, the fitted frequency. The "
+        "highest point of a spectrum is not it: lines are as wide as they fade, and the baseline "
+        "leaks into them.",
+        panels,
+        COLUMNS,
+        "frequency, Hz",
+        "mV",
     )
-    axes.set_ylabel("misfit, u")
-    reach = max(3.0, 1.2 * max((abs(shot.misfit) for shot in used), default=0.0))
-    axes.set_ylim(-reach, reach)
-    return figure
+
+
+def _in_panels(
+    title: str, caption: str, panels: Sequence[Panel], columns: int, below: str, beside: str
+) -> Plot:
+    return Plot(
+        title,
+        caption,
+        in_grid(panels, columns, below, beside, share_y=True),
+        0.5 + 1.45 * -(-len(panels) // columns),
+        gap_x=0.08,
+        gap_y=0.62,
+        share_y="all",
+    )
+
+
+def misfit(analysis: SerfAnalysis) -> Plot:
+    """Return how far each shot's frequency is from the solution, in its uncertainty."""
+    used = [shot for shot in analysis.shots if shot.used and np.isfinite(shot.misfit)]
+    places = range(len(used))
+    names = tuple(shot.name.replace("-", "−") for shot in used)
+    reach = max(3.0, 1.2 * max(abs(shot.misfit) for shot in used))
+    return Plot(
+        "Shots against the solution",
+        "Frequency of each shot less that of angles, factors and residual field as solved, over "
+        "its uncertainty. With as many shots as unknowns all are zero.",
+        (
+            Panel(
+                (
+                    Points(places, [shot.misfit for shot in used], size=5.0),
+                    Rule(y=0.0, width=0.7),
+                    Rule(y=-2.0, colour=GREY, width=0.8, dashes="--"),
+                    Rule(y=2.0, colour=GREY, width=0.8, dashes="--"),
+                ),
+                x=Axis(ticks=places, texts=names, turned=len(used) > 8),
+                y=Axis("misfit, u", low=-reach, high=reach),
+            ),
+        ),
+        2.6,
+    )
 
 
 def _spectrum(time_s: Array, volts: Array) -> tuple[Array, Array]:
@@ -207,13 +219,6 @@ def _spectrum(time_s: Array, volts: Array) -> tuple[Array, Array]:
     window = 0.5 + 0.5 * np.cos(np.pi * np.arange(count) / count)
     amplitude = 2.0 / window.sum() * np.abs(np.fft.rfft((volts - volts.mean()) * window, length))
     return np.asarray(np.fft.rfftfreq(length, interval_s)), np.maximum(amplitude, 1e-9)
-
-
-def _panels(count: int, columns: int) -> tuple[Figure, list[Axes]]:
-    figure = new_figure(0.5 + 1.45 * -(-count // columns))
-    grid = panels(figure, count, columns, share_x=False, share_y=True)
-    figure.subplots_adjust(hspace=0.62, wspace=0.08)
-    return figure, grid
 
 
 def _angles(analysis: SerfAnalysis, document: ResultDocument) -> Table:
