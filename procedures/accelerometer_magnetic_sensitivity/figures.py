@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from station.findings import Findings, combination_text
-from station.parts import Part, Plot, Table, first_rows
+from station.parts import Part, Table, first_rows
 from station.report.numbers import (
     NOTHING,
     format_limit,
@@ -26,49 +26,12 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     dataset: AccelerometerDataset = findings.detail.dataset
     parts: list[Part] = [_coefficients(analysis, document)]
     if bool(analysis.used.any()):
-        parts.append(
-            Plot(
-                "Output against field at each angle",
-                "What the field adds to the output, one colour for each angle: measured "
-                "points and the solution. The part without field is taken off; field as "
-                "measured. Lines that fan out are the coupling Kim, Kom, Kpm, their common "
-                "slope is Km, their curvature Kmm.",
-                plots.output_by_field(dataset, analysis),
-            )
-        )
-        parts.append(
-            Plot(
-                "What the solution leaves",
-                "Residuals over angle and field (their mean where a point was measured "
-                "again), and in the order of time: noise without a shape where the model is "
-                "right. Triangles: rows that were left out, at the edge where they lie beyond "
-                "it.",
-                plots.residual_map(dataset, analysis),
-            )
-        )
+        parts.append(plots.output_by_field(dataset, analysis))
+        parts.append(plots.residual_map(dataset, analysis))
     if analysis.path is not None and analysis.noise_V is not None:
-        parts.append(
-            Plot(
-                "Convergence of the finite-memory solution",
-                "The published recursion after each row, as its distance from the full-data "
-                "solution in standard uncertainties of that. It begins where the rows first "
-                "determine all columns; from the dashed line on a row is forgotten for each "
-                f"new one (memory {analysis.path.window} rows). It knows no nuisance terms "
-                "and rejects no row.",
-                plots.convergence(analysis),
-            )
-        )
+        parts.append(plots.convergence(analysis))
     if len(analysis.covariance):
-        names = analysis.identifiability.kept
-        parts.append(
-            Plot(
-                "Correlation of the coefficients",
-                "Of the determined coefficients, or combinations, in the full-data solution. "
-                "Condition number of all its columns, scaled: "
-                f"{format_number(analysis.condition, 3)}.",
-                plots.correlation(names, analysis.covariance),
-            )
-        )
+        parts.append(plots.correlation(analysis))
     if analysis.nuisances or analysis.not_separable:
         parts.append(_nuisances(analysis, dataset))
     if analysis.left_out:
