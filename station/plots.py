@@ -394,26 +394,30 @@ def thinned(item: Made, most: int = MAX_ROWS) -> Made:
         return item
     import numpy as np
 
-    x = np.asarray(cast(Any, item).x, dtype=np.float64)
-    names = judged if np.all(np.diff(x[np.isfinite(x)]) >= 0.0) else (*judged, "x")
+    x = np.asarray(cast(Any, item).x)
+    names = judged if np.all(x[1:] >= x[:-1]) else (*judged, "x")
     columns = [np.asarray(getattr(item, name), dtype=np.float64) for name in names]
-    gaps = np.isnan(np.sum(columns, axis=0))
-    stretches = (most - 2) // (2 * len(columns) + bool(gaps.any()))
+    gaps = np.logical_or.reduce([np.isnan(column) for column in columns])
+    stretches = (most - 2) // (2 * len(columns) + bool(gaps.any())) - 1
     size = -(-len(x) // stretches)
-    rows = np.pad(np.arange(len(x)), (0, -len(x) % size), mode="edge").reshape(-1, size)
-    first = rows[:, 0]
     kept = [np.array([0, len(x) - 1])]
-    for column in columns:
-        missing = np.isnan(column)
-        kept.append(first + np.argmin(np.where(missing, np.inf, column)[rows], axis=1))
-        kept.append(first + np.argmax(np.where(missing, -np.inf, column)[rows], axis=1))
-    if gaps.any():
-        kept.append((first + np.argmax(gaps[rows], axis=1))[gaps[rows].any(axis=1)])
-    chosen = np.unique(np.minimum(np.concatenate(kept), len(x) - 1))
-    whole = {
+    whole = len(x) - len(x) % size
+    for first, end in ((0, whole), (whole, len(x))):  # all stretches, then what is left
+        begins = np.arange(first, end, size)
+        if not len(begins):
+            continue
+        for column in columns:
+            block = column[first:end].reshape(len(begins), -1)
+            missing = np.isnan(block)
+            kept.append(begins + np.argmin(np.where(missing, np.inf, block), axis=1))
+            kept.append(begins + np.argmax(np.where(missing, -np.inf, block), axis=1))
+        block = gaps[first:end].reshape(len(begins), -1)
+        kept.append((begins + np.argmax(block, axis=1))[block.any(axis=1)])
+    chosen = np.unique(np.concatenate(kept))
+    thinner = {
         field.name: np.asarray(value)[chosen]
         for field in fields(cast(Any, item))
         if field.type in ("Numbers", "Numbers | None")
         and (value := getattr(item, field.name)) is not None
     }
-    return cast(Made, replace(cast(Any, item), **whole))
+    return cast(Made, replace(cast(Any, item), **thinner))

@@ -21,22 +21,24 @@ from starlette.staticfiles import StaticFiles
 
 from station import registry
 from station.clock import boot_seconds
-from station.errors import StationError
+from station.errors import StationError, reason_of
 from station.panel.access import GUESS_EVERY_S, Access, Guard, Role, Turns, cookie_of, peer_of
+from station.panel.figures import figure_of
 from station.panel.overview import MAX_RUNS, benches, plans
 from station.panel.run_requests import REQUESTS, RunRequests
 from station.panel.starting import Starting, Wanted
 from station.panel.watching import RunWatch, Streams
+from station.parts import Plot, parts_of_text
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
 from station.record.verification import refuse_unproven
-from station.texts import PANEL, catalogue, languages, preferred
+from station.texts import PANEL, Texts, catalogue, languages, preferred
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
 LANGUAGE_COOKIE = "station-language"
-REPORT, RESULTS = "report.html", "results.json"
+REPORT, RESULTS, PLOTS = "report.html", "results.json", "plots.json"
 SEEN_FOR_S = 1.5
 """Real time for which a look at benches and runs is shown; the page asks every 2 s."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -70,6 +72,7 @@ class Panel:
             Route("/api/run/{run}/events", self.events),
             Route("/api/run/{run}/results", self.results),
             Route("/api/run/{run}/report", self.report),
+            Route("/api/run/{run}/plots", self.plots),
             Route("/api/run/{run}/picture/{name}", self.picture),
             Route("/api/run/{run}/{wish}", self.wish, methods=["POST"]),
             Route("/static/plotly.min.js", plotly),
@@ -178,6 +181,28 @@ class Panel:
         refuse_unproven(path.parent, REPORT)
         return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
 
+    def plots(self, request: Request) -> Response:
+        """Return the plots of a run's procedure, each as a Plotly figure with its sentences."""
+        path = self.folder(request) / PLOTS
+        if not is_own_file(path):
+            return JSONResponse({"error": "this run has no plots"}, 404)
+        refuse_unproven(path.parent, PLOTS)
+        texts = Texts(language_of(request))
+        try:
+            parts = parts_of_text(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise StationError(f"{PLOTS} cannot be read: {reason_of(error)}") from error
+        drawn = [
+            {
+                "title": texts(part.title),
+                "caption": texts(part.caption),
+                "figure": figure_of(part, texts),
+            }
+            for part in parts
+            if isinstance(part, Plot) and isinstance(part.panels, tuple)  # bridge
+        ]
+        return JSONResponse(drawn)
+
     def picture(self, request: Request) -> Response:
         """Return a picture of the run's procedure; nothing outside its pictures is readable."""
         procedure = str(first_event(self.folder(request)).get("procedure"))
@@ -216,13 +241,19 @@ def page(name: str) -> Callable[[Request], Response]:
 
 
 def texts(request: Request) -> Response:
-    """Return the texts of the language chosen on the page, else of the browser's preference."""
-    language = request.cookies.get(LANGUAGE_COOKIE, "")
-    if language not in languages():
-        language = preferred(request.headers.get("accept-language", ""))
+    """Return the texts of the page's language."""
+    language = language_of(request)
     values = {"TEXTS": catalogue(language, PANEL), "LANGUAGE": language, "LANGUAGES": languages()}
     lines = [f"const {name} = {json.dumps(value)};" for name, value in values.items()]
     return Response("\n".join(lines), media_type="text/javascript")
+
+
+def language_of(request: Request) -> str:
+    """Return the language chosen on the page, else that of the browser's preference."""
+    language = request.cookies.get(LANGUAGE_COOKIE, "")
+    if language in languages():
+        return language
+    return preferred(request.headers.get("accept-language", ""))
 
 
 def plotly(_: Request) -> Response:

@@ -151,6 +151,20 @@ async function after() {
     element("span", `${ICONS[one.verdict] || ""} ${VERDICTS[one.verdict] || one.verdict}`, "verdict " + one.verdict))));
   byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
   byId("report").href = API + "report";
+  ownPlots();
+}
+
+// The plots of the run's procedure, as its report has them.
+async function ownPlots() {
+  const response = await fetch(API + "plots");
+  if (!response.ok) return;
+  for (const part of await response.json()) {
+    const place = element("div", "", "plot");
+    place.setAttribute("role", "group");
+    place.setAttribute("aria-label", part.title);
+    byId("own-plots").append(element("h3", part.title), element("p", part.caption), place);
+    Plotly.newPlot(place, part.figure.data, part.figure.layout, {displayModeBar: false, responsive: true});
+  }
 }
 
 // A value is rounded to the second digit of its expanded uncertainty.

@@ -101,9 +101,9 @@ def test_no_link_leads_out_of_a_run(served: Served, tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text("secret", encoding="utf-8")
     folder = made(served.runs, line())
-    for name in ("report.html", "results.json"):
+    for name in ("report.html", "results.json", "plots.json"):
         (folder / name).symlink_to(secret)
-    for what in ("report", "results"):
+    for what in ("report", "results", "plots"):
         status, text = served.get(f"/api/run/{NAME}/{what}")
         assert status == 404 and "secret" not in text
 
