@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from station.findings import Findings
-from station.parts import Part, Plot, Table, first_rows
-from station.report.drawing import (
+from station.parts import Part, Table, first_rows
+from station.plots import (
     BLUE,
     GREEN,
     GREY,
     INK,
     ORANGE,
     PURPLE,
-    SKY,
     VERMILION,
-    label_above,
-    new_figure,
+    Axis,
+    Item,
+    Line,
+    Panel,
+    Plot,
+    Points,
+    Rule,
 )
+from station.plots import Band as Shade
 from station.report.numbers import NOTHING, format_limit, format_number, format_with_uncertainty
 from station.results import ResultDocument
 
@@ -34,9 +38,11 @@ from .verification import Driven, Verified
 TABLE_STEP_DEGC = 5.0
 COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN}
 GRID = 201
-MAX_POINTS = 3000
 EDGE_SIGMA = 5.0
 ROOM = 1.15
+
+Column = tuple[str, tuple[Item, ...], tuple[Item, ...], float]
+"""An axis, what is drawn above and below, and how far the lower panel reaches."""
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
@@ -47,37 +53,15 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     fitted = [fit for fit in analysis.fits.values() if fit.curve is not None]
     parts: list[Part] = [_curves(analysis)]
     if dataset.history:
-        history_text = (
-            "Against time. The model's argument is the gyro's own temperature, the mean of before "
-            "and after a turn, not the chamber's."
-        )
-        parts.append(Plot("Temperatures", history_text, temperatures(dataset)))
+        parts.append(_temperatures(dataset))
     if fitted:
-        curves_text = (
-            "Above: each turn, the curve, and the published rule's. Turns scatter more than their "
-            "noise where the gyro's bias has not been taken off yet. Below: what the solution "
-            "leaves of each turn, and the curve's bands: the dark one is ±U, which holds the truth "
-            "at any one temperature in 95 % of records; the wider one holds the true curve over "
-            "the whole range at once in 95 %. Triangles: turns that were left out, at the edge "
-            "where they lie beyond it."
-        )
-        figure = curves(analysis, bias_deg_per_h)
-        parts.append(Plot("Scale-factor error over temperature", curves_text, figure))
+        parts.append(_errors(fitted, analysis, bias_deg_per_h))
     parts.append(_before_and_after(analysis, document))
     if analysis.verified:
-        verified_text = (
-            "Turn errors of another ramp before and after compensation, below enlarged. None of "
-            "these turns was used for the curve."
-        )
-        parts.append(Plot("Verification ramp", verified_text, verification(analysis.verified)))
+        parts.append(_verification(analysis.verified))
     if analysis.driven is not None:
         reference = dataset.drive.heading_deg if dataset.drive is not None else None
-        drive_text = (
-            "A drive's rates integrated to heading, the earth's rate taken off, without and with "
-            "compensation. Turns in one sense add up the error of the scale factor, turns in both "
-            "senses hide it."
-        )
-        parts.append(Plot("Vehicle test", drive_text, drive(analysis.driven, reference)))
+        parts.append(_drive(analysis.driven, reference))
     if fitted:
         parts.append(_compensation(analysis, bias_deg_per_h))
     if any(len(fit.rejected) for fit in analysis.fits.values()):
@@ -218,132 +202,144 @@ def _left_out(analysis: FogAnalysis) -> Table:
     return first_rows("Turns left out", caption, columns, rows)
 
 
-def temperatures(dataset: FogDataset) -> Figure:
-    """Draw all temperatures that were recorded against time."""
-    figure = new_figure(2.7)
-    axes = figure.add_subplot()
-    for name, readings in dataset.history.items():
-        step = max(1, len(readings) // MAX_POINTS)
-        time_h = readings[::step, 0] / SECONDS_PER_HOUR
-        colour = COLOURS.get(name.removeprefix("gyro "), INK)
-        axes.plot(time_h, readings[::step, 1], color=colour, linewidth=1.1, label=name)
-    axes.set_xlabel("time, h")
-    axes.set_ylabel("temperature, degC")
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
-    return figure
-
-
-def curves(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Figure:
-    """Draw, axis by axis, turns, curve, published curve, and the curve's bands, far enlarged."""
-    fits = [fit for fit in analysis.fits.values() if fit.curve is not None]
-    figure = new_figure(4.6)
-    grid = figure.subplots(
-        2, len(fits), sharex="col", squeeze=False, gridspec_kw={"height_ratios": (1.7, 1.0)}
+def _temperatures(dataset: FogDataset) -> Plot:
+    lines = tuple(
+        Line(
+            readings[:, 0] / SECONDS_PER_HOUR,
+            readings[:, 1],
+            colour=COLOURS.get(name.removeprefix("gyro "), INK),
+            width=1.1,
+            label=name,
+        )
+        for name, readings in dataset.history.items()
     )
-    figure.subplots_adjust(wspace=0.22, hspace=0.12)
-    for column, fit in enumerate(fits):
-        upper, lower = grid[0, column], grid[1, column]
-        _curve(upper, fit, analysis)
-        _bands(lower, fit, gyro_bias_deg_per_h)
-        lower.set_xlabel("gyro temperature, degC")
-        label_above(upper, f"axis {fit.axis}")
-    grid[0, 0].set_ylabel("scale-factor error, ppm")
-    grid[1, 0].set_ylabel("residual, ppm")
-    grid[0, 0].legend(loc="best")
-    return figure
+    heat = Axis("temperature, degC")
+    return Plot(
+        "Temperatures",
+        "Against time. The model's argument is the gyro's own temperature, the mean of before and "
+        "after a turn, not the chamber's.",
+        (Panel(lines, x=Axis("time, h"), y=heat, legend="above", legend_columns=4),),
+        2.7,
+    )
 
 
-def _curve(axes: Axes, fit: AxisFit, analysis: FogAnalysis) -> None:
+def _errors(fitted: list[AxisFit], analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Plot:
+    columns = []
+    for fit in fitted:
+        reach = EDGE_SIGMA * (fit.noise_ppm or 1.0)
+        lower = _residuals(fit, gyro_bias_deg_per_h, reach)
+        columns.append((fit.axis, _curve(fit, analysis), lower, reach))
+    return Plot(
+        "Scale-factor error over temperature",
+        "Above: each turn, the curve, and the published rule's. Turns scatter more than their "
+        "noise where the gyro's bias has not been taken off yet. Below: what the solution leaves "
+        "of each turn, and the curve's bands: the dark one is ±U, which holds the truth at any one "
+        "temperature in 95 % of records; the wider one holds the true curve over the whole range "
+        "at once in 95 %. Triangles: turns that were left out, at the edge where they lie beyond "
+        "it.",
+        _axis_by_axis(columns, "scale-factor error, ppm", "residual, ppm"),
+        4.6,
+        heights=(1.7, 1.0),
+        gap_x=0.22,
+        gap_y=0.12,
+        share_x="column",
+    )
+
+
+def _axis_by_axis(columns: Sequence[Column], above: str, below: str) -> tuple[Panel, ...]:
+    """Return two panels for each axis: what was found, and below it what is left, enlarged."""
+    panels = []
+    for number, (axis, upper, lower, reach) in enumerate(columns):
+        if number:
+            above = below = ""
+        title, legend = f"axis {axis}", "" if number else "best"
+        heat, edge = Axis("gyro temperature, degC"), ROOM * reach
+        enlarged = Axis(below, low=-edge, high=edge)
+        panels += [
+            Panel(upper, title=title, y=Axis(above), column=number, legend=legend),
+            Panel(lower, x=heat, y=enlarged, row=1, column=number, legend=""),
+        ]
+    return tuple(panels)
+
+
+def _curve(fit: AxisFit, analysis: FogAnalysis) -> tuple[Item, ...]:
+    """Return the turns, the curve and the published curve."""
     assert fit.curve is not None
     heat = fit.curve.temperatures_degC(GRID)
-    axes.plot(
-        fit.temperature_degC[fit.kept],
-        fit.error_ppm[fit.kept],
-        ".",
-        color=COLOURS[fit.axis],
-        alpha=0.6,
-        markersize=4.0,
-        label="turns",
+    turns = _dots(fit.axis, fit.temperature_degC[fit.kept], fit.error_ppm[fit.kept])
+    items = (
+        replace(turns, opacity=0.6, label="turns"),
+        Line(heat, fit.curve.error_ppm(heat), colour=INK, width=1.2, label="curve"),
     )
-    axes.plot(heat, fit.curve.error_ppm(heat), color=INK, linewidth=1.2, label="curve")
     published = analysis.published[fit.axis]
-    if published is not None:
-        values = published.error_ppm(heat)
-        axes.plot(heat, values, "--", color=PURPLE, linewidth=1.2, label="published rule", zorder=4)
+    if published is None:
+        return items
+    values = published.error_ppm(heat)
+    rule = Line(heat, values, dashes="--", colour=PURPLE, width=1.2, label="published rule")
+    return (*items, rule)
 
 
-def _bands(axes: Axes, fit: AxisFit, gyro_bias_deg_per_h: float) -> None:
-    """Draw the residuals, both bands around nothing, and rejected turns at the edge."""
+def _residuals(fit: AxisFit, gyro_bias_deg_per_h: float, reach: float) -> tuple[Item, ...]:
+    """Return both bands around nothing, the residuals, and rejected turns at the edge."""
     assert fit.curve is not None
     heat = fit.curve.temperatures_degC(GRID)
     band = Band(fit.curve, gyro_bias_deg_per_h)
-    for wide in (band.whole_ppm(heat), band.expanded_ppm(heat)):
-        axes.fill_between(heat, -wide, wide, color=SKY, alpha=0.4, linewidth=0.0, zorder=1)
-    axes.plot(
-        fit.temperature_degC[fit.kept],
-        fit.residual_ppm[fit.kept],
-        ".",
-        color=COLOURS[fit.axis],
-        markersize=3.5,
-    )
     out = ~fit.kept & np.isfinite(fit.residual_ppm)
-    reach = EDGE_SIGMA * (fit.noise_ppm or 1.0)
-    shown = np.clip(fit.residual_ppm[out], -reach, reach)
-    axes.plot(fit.temperature_degC[out], shown, "^", color=ORANGE, markersize=5.0)
-    axes.set_ylim(-ROOM * reach, ROOM * reach)
-
-
-def verification(verified: Mapping[str, Verified]) -> Figure:
-    """Draw the turn errors of the verification ramp before compensation, and enlarged after it."""
-    figure = new_figure(4.2)
-    grid = figure.subplots(
-        2, len(verified), sharex="col", squeeze=False, gridspec_kw={"height_ratios": (1.5, 1.0)}
+    edge = np.clip(fit.residual_ppm[out], -reach, reach)
+    return (
+        *(Shade(heat, -u, u) for u in (band.whole_ppm(heat), band.expanded_ppm(heat))),
+        _dots(fit.axis, fit.temperature_degC[fit.kept], fit.residual_ppm[fit.kept], 3.5),
+        Points(fit.temperature_degC[out], edge, marker="^", colour=ORANGE, size=5.0),
     )
-    figure.subplots_adjust(wspace=0.22, hspace=0.12)
-    for column, axis_errors in enumerate(verified.values()):
-        upper, lower = grid[0, column], grid[1, column]
-        colour = COLOURS[axis_errors.axis]
-        upper.plot(
-            axis_errors.temperature_degC, axis_errors.before_ppm, ".", color=GREY, label="before"
-        )
-        for axes in (upper, lower):
-            axes.plot(
-                axis_errors.temperature_degC,
-                axis_errors.after_ppm,
-                ".",
-                color=colour,
-                label="compensated",
-            )
-            axes.axhline(0.0, color=INK, linewidth=0.8)
-        reach = ROOM * float(np.max(np.abs(axis_errors.after_ppm)))
-        lower.set_ylim(-reach, reach)
-        lower.set_xlabel("gyro temperature, degC")
-        label_above(upper, f"axis {axis_errors.axis}")
-    grid[0, 0].set_ylabel("turn error, ppm")
-    grid[1, 0].set_ylabel("compensated, ppm")
-    grid[0, 0].legend(loc="best")
-    return figure
 
 
-def drive(driven: Driven, reference_deg: Array | None) -> Figure:
-    """Draw how far the integrated headings lie apart, and from the reference where there is one."""
-    figure = new_figure(2.7)
-    axes = figure.add_subplot()
-    step = max(1, len(driven.time_s) // MAX_POINTS)
-    minutes = (driven.time_s[::step] - driven.time_s[0]) / 60.0
+def _dots(axis: str, heat: Array, errors: Array, size: float = 4.0) -> Points:
+    return Points(heat, errors, marker=".", colour=COLOURS[axis], size=size)
+
+
+def _verification(verified: Mapping[str, Verified]) -> Plot:
+    columns: list[Column] = []
+    for errors in verified.values():
+        heat = errors.temperature_degC
+        before = Points(heat, errors.before_ppm, marker=".", colour=GREY, size=6.0, label="before")
+        after = replace(_dots(errors.axis, heat, errors.after_ppm, 6.0), label="compensated")
+        lower = after, Rule(y=0.0, width=0.8)
+        reach = float(np.max(np.abs(errors.after_ppm)))
+        columns.append((errors.axis, (before, *lower), lower, reach))
+    return Plot(
+        "Verification ramp",
+        "Turn errors of another ramp before and after compensation, below enlarged. None of these "
+        "turns was used for the curve.",
+        _axis_by_axis(columns, "turn error, ppm", "compensated, ppm"),
+        4.2,
+        heights=(1.5, 1.0),
+        gap_x=0.22,
+        gap_y=0.12,
+        share_x="column",
+    )
+
+
+def _drive(driven: Driven, reference_deg: Array | None) -> Plot:
+    """Return how far the headings lie apart, or from the reference where there is one."""
+    raw, compensated = driven.raw_deg, driven.compensated_deg
     if reference_deg is None:
-        apart = (driven.raw_deg - driven.compensated_deg)[::step]
-        axes.plot(minutes, apart, color=VERMILION, label="without less with compensation")
-        axes.set_ylabel("difference of heading, deg")
+        label = "difference of heading, deg"
+        traces = [(raw - compensated, VERMILION, "without less with compensation")]
     else:
+        label = "heading error, deg"
         true = np.unwrap(reference_deg, period=360.0)
-        for heading_deg, colour, name in (
-            (driven.raw_deg, VERMILION, "without compensation"),
-            (driven.compensated_deg, BLUE, "with compensation"),
-        ):
-            error = (heading_deg - heading_deg[0]) - (true - true[0])
-            axes.plot(minutes, error[::step], color=colour, label=name)
-        axes.set_ylabel("heading error, deg")
-    axes.set_xlabel("time, min")
-    axes.legend(loc="best")
-    return figure
+        start = true - true[0]
+        traces = [
+            (raw - raw[0] - start, VERMILION, "without compensation"),
+            (compensated - compensated[0] - start, BLUE, "with compensation"),
+        ]
+    minutes = (driven.time_s - driven.time_s[0]) / 60.0
+    lines = tuple(Line(minutes, y, colour=colour, label=name) for y, colour, name in traces)
+    return Plot(
+        "Vehicle test",
+        "A drive's rates integrated to heading, the earth's rate taken off, without and with "
+        "compensation. Turns in one sense add up the error of the scale factor, turns in both "
+        "senses hide it.",
+        (Panel(lines, x=Axis("time, min"), y=Axis(label)),),
+        2.7,
+    )
