@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 
 from station.findings import Findings
-from station.parts import Part, Plot, Table
-from station.report.drawing import (
+from station.parts import Part, Table
+from station.plots import (
     BLUE,
     GREEN,
     GREY,
-    INK,
     ORANGE,
     VERMILION,
-    label_above,
-    new_figure,
+    Axis,
+    Item,
+    Line,
+    Note,
+    Panel,
+    Plot,
+    Points,
+    Region,
+    Rule,
 )
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.results import ResultDocument
 
 from .calibration import Correction, correction_of
 from .dataset import AXES, Array, NineAxisDataset
-from .findings import NineAxisAnalysis
+from .findings import NineAxisAnalysis, StaticSummary
 from .pose import gravity_pattern
 
 COLOURS = (BLUE, ORANGE, GREEN)
@@ -40,35 +43,10 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     parts: list[Part] = []
     if analysis.static:
         parts.append(_poses(analysis))
-    if analysis.static:
-        parts.append(
-            Plot(
-                "Pose check",
-                "Left: accelerometer means less gravity in the ideal position. Right: what "
-                "the solution of all gyro means leaves. Red: a position that was refused.",
-                pose_check(analysis),
-            )
-        )
-        parts.append(
-            Plot(
-                "Static records and Allan deviation",
-                "Each gyro at rest, one position after the other. Where the Allan deviation "
-                "no longer falls, a longer record does not make the bias better. N: angle "
-                "random walk; B: bias instability where it is more than noise, both of all "
-                "the longest records.",
-                static_records(analysis, dataset),
-            )
-        )
+        parts.append(_pose_check(analysis))
+        parts.append(_static_records(analysis, dataset))
     if any(solution is not None for solution in analysis.axes.values()):
-        parts.append(
-            Plot(
-                "Scale factor rate by rate",
-                "K of each rate, true rates from the encoder, less K; bars are 2 u, the band "
-                "is 2 u of K. Rates that differ by noise alone are weighted, others count "
-                "alike.",
-                rate_residuals(analysis),
-            )
-        )
+        parts.append(_rate_residuals(analysis))
     if np.isfinite(analysis.gain).any():
         parts.append(_gain(analysis))
     correction = correction_of(analysis)
@@ -146,136 +124,177 @@ def _correction(correction: Correction) -> Table:
     )
 
 
-def pose_check(analysis: NineAxisAnalysis) -> Figure:
-    """Draw what each position's accelerometers and gyros read less what they should."""
+def _pose_check(analysis: NineAxisAnalysis) -> Plot:
+    """Return what each position's accelerometers and gyros read less what they should."""
     static = analysis.static
-    figure = new_figure(2.9)
-    left, right = figure.subplots(1, 2)
-    figure.subplots_adjust(wspace=0.22)
-    place = np.arange(len(static))
+    refused: list[Item] = [
+        Region(x=(n - 0.4, n + 0.4), colour=VERMILION, opacity=0.12)
+        for n, summary in enumerate(static)
+        if not summary.pose.right
+    ]
+    left, right = refused.copy(), refused.copy()
+    rows = [n for n, summary in enumerate(static) if summary.pose.right]
     for axis, name in enumerate(AXES):
-        shift = 0.16 * (axis - 1)
+        shift, colour = 0.16 * (axis - 1), COLOURS[axis]
         off = [
-            summary.accelerometer[axis] - gravity_pattern(summary.position)[axis]
+            MICRO * (summary.accelerometer[axis] - gravity_pattern(summary.position)[axis])
             for summary in static
         ]
-        left.plot(place + shift, np.array(off) * MICRO, "o", color=COLOURS[axis], label=name)
-        if analysis.bias is None:
-            continue
-        rows = [n for n, summary in enumerate(static) if summary.pose.right]
-        right.errorbar(
-            np.array(rows) + shift,
-            analysis.bias.residual[:, axis],
-            yerr=[2.0 * static[n].gyro_u[axis] for n in rows],
-            fmt="o",
-            markersize=5,
-            color=COLOURS[axis],
-            elinewidth=0.9,
-        )
-    for n, summary in enumerate(static):
-        if not summary.pose.right:
-            for axes in (left, right):
-                axes.axvspan(n - 0.4, n + 0.4, color=VERMILION, alpha=0.12)
-    for axes in (left, right):
-        axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.set_xticks(place, [f"position {summary.position}" for summary in static])
-        axes.set_xlim(-0.5, len(static) - 0.5)
-    left.set_ylabel("mean − expected, µg")
-    label_above(left, "accelerometers")
-    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
-    right.set_ylabel("mean − solution, deg/h")
-    label_above(right, "gyros, bars 2 u")
-    return figure
-
-
-def static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Figure:
-    """Draw each gyro's records, less their means, and its Allan deviation beside them."""
-    figure = new_figure(5.8)
-    grid = figure.subplots(3, 2, squeeze=False, sharex="col", width_ratios=(1.35, 1))
-    figure.subplots_adjust(hspace=0.32, wspace=0.2)
-    for axis, name in enumerate(AXES):
-        rates, allan = grid[axis]
-        start = 0.0
-        for record, summary in zip(dataset.static, analysis.static, strict=True):
-            good = summary.kept[:, axis]
-            time_s = record.time_s - record.time_s[0]
-            minutes, values = _thinned(
-                (start + time_s[good]) / 60.0,
-                record.rate_deg_per_h[good, axis] - summary.gyro[axis],
-            )
-            colour = COLOURS[axis] if summary.pose.right else GREY
-            rates.plot(minutes, values, color=colour, linewidth=0.6)
-            rates.axvline(start / 60.0, color=GREY, linewidth=0.6)
-            start += float(time_s[-1]) if len(time_s) else 0.0
-            deviation = summary.allan[axis] if summary.allan else None
-            if deviation is not None and len(deviation.tau_s):
-                bars = deviation.standard_uncertainty
-                allan.errorbar(
-                    deviation.tau_s,
-                    deviation.deviation,
-                    yerr=bars,
-                    color=colour,
-                    linewidth=1.0,
-                    elinewidth=0.6,
-                )
-        rates.set_ylabel(f"{name}, deg/h")
-        _allan_axes(allan, analysis, axis)
-    positions = ", ".join(str(summary.position) for summary in analysis.static)
-    label_above(grid[0][0], f"rate less its mean, positions {positions}")
-    label_above(grid[0][1], "Allan deviation, deg/h")
-    grid[2][0].set_xlabel("time at rest, min")
-    grid[2][1].set_xlabel("averaging time, s")
-    return figure
-
-
-def _allan_axes(axes: Axes, analysis: NineAxisAnalysis, axis: int) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    noise = analysis.noise[axis]
-    if noise is None:
-        return
-    text = f"N = {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/√h"
-    if noise.bias_instability_seen:
-        text += f", B = {noise.bias_instability_deg_per_h:.2g} deg/h"
-    axes.text(0.97, 0.92, text, transform=axes.transAxes, ha="right", va="top", fontsize=8.0)
-
-
-def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return means of equal stretches, so that a plot has no more points than it can show."""
-    size = -(-len(x) // MAX_DOTS)
-    whole = len(x) - len(x) % size if size > 1 else len(x)
-    if size <= 1 or whole == 0:
-        return x, y
-    return (
-        x[:whole].reshape(-1, size).mean(axis=1),
-        y[:whole].reshape(-1, size).mean(axis=1),
+        place = [n + shift for n in range(len(static))]
+        left.append(Points(place, off, colour=colour, size=6.0, label=name))
+        if analysis.bias is not None:
+            place, residual = [n + shift for n in rows], analysis.bias.residual[:, axis]
+            u = [2.0 * static[n].gyro_u[axis] for n in rows]
+            right.append(Points(place, residual, bars=u, colour=colour, size=5.0, bar_width=0.9))
+    zero = Rule(y=0.0, width=0.7)
+    positions = Axis(
+        low=-0.5,
+        high=len(static) - 0.5,
+        ticks=range(len(static)),
+        texts=tuple(f"position {summary.position}" for summary in static),
+    )
+    return Plot(
+        "Pose check",
+        "Left: accelerometer means less gravity in the ideal position. Right: what the solution of "
+        "all gyro means leaves. Red: a position that was refused.",
+        (
+            Panel(
+                (*left, zero),
+                title="accelerometers",
+                x=positions,
+                y=Axis("mean − expected, µg"),
+                legend="above right",
+                legend_columns=3,
+            ),
+            Panel(
+                (*right, zero),
+                title="gyros, bars 2 u",
+                x=positions,
+                y=Axis("mean − solution, deg/h"),
+                column=1,
+            ),
+        ),
+        2.9,
+        gap_x=0.22,
     )
 
 
-def rate_residuals(analysis: NineAxisAnalysis) -> Figure:
-    """Draw how each rate's scale factor differs from K, axis by axis, with bars of 2 u."""
+def _static_records(analysis: NineAxisAnalysis, dataset: NineAxisDataset) -> Plot:
+    """Return each gyro's records, less their means, and its Allan deviation beside them."""
+    positions = ", ".join(str(summary.position) for summary in analysis.static)
+    panels: list[Panel] = []
+    for axis, name in enumerate(AXES):
+        first, last = axis == 0, axis == len(AXES) - 1
+        panels += [
+            Panel(
+                _rates(analysis, dataset, axis),
+                title=f"rate less its mean, positions {positions}" if first else "",
+                x=Axis("time at rest, min" if last else ""),
+                y=Axis(f"{name}, deg/h"),
+                row=axis,
+            ),
+            Panel(
+                _deviations(analysis, axis),
+                title="Allan deviation, deg/h" if first else "",
+                x=Axis("averaging time, s" if last else "", log=True),
+                y=Axis(log=True, between=False),
+                row=axis,
+                column=1,
+            ),
+        ]
+    return Plot(
+        "Static records and Allan deviation",
+        "Each gyro at rest, one position after the other. Where the Allan deviation no longer "
+        "falls, a longer record does not make the bias better. N: angle random walk; B: bias "
+        "instability where it is more than noise, both of all the longest records.",
+        tuple(panels),
+        5.8,
+        widths=(1.35, 1.0),
+        gap_x=0.2,
+        gap_y=0.32,
+        share_x="column",
+    )
+
+
+def _rates(analysis: NineAxisAnalysis, dataset: NineAxisDataset, axis: int) -> tuple[Item, ...]:
+    items: list[Item] = []
+    start = 0.0
+    for record, summary in zip(dataset.static, analysis.static, strict=True):
+        good = summary.kept[:, axis]
+        time_s = record.time_s - record.time_s[0]
+        minutes = _means((start + time_s[good]) / 60.0)
+        rates = _means(record.rate_deg_per_h[good, axis] - summary.gyro[axis])
+        items.append(Line(minutes, rates, colour=_colour(summary, axis), width=0.6))
+        items.append(Rule(x=start / 60.0, colour=GREY))
+        start += float(time_s[-1]) if len(time_s) else 0.0
+    return tuple(items)
+
+
+def _deviations(analysis: NineAxisAnalysis, axis: int) -> tuple[Item, ...]:
+    items: list[Item] = [
+        Points(
+            deviation.tau_s,
+            deviation.deviation,
+            bars=deviation.standard_uncertainty,
+            marker="",
+            joined=1.0,
+            colour=_colour(summary, axis),
+            bar_width=0.6,
+        )
+        for summary in analysis.static
+        if summary.allan and (deviation := summary.allan[axis]) is not None and len(deviation.tau_s)
+    ]
+    noise = analysis.noise[axis]
+    if noise is not None:
+        text = f"N = {noise.angle_random_walk_deg_per_sqrt_h:.3g} deg/√h"
+        if noise.bias_instability_seen:
+            text += f", B = {noise.bias_instability_deg_per_h:.2g} deg/h"
+        items.append(Note(0.97, 0.92, text, inside=True, across="right", upright="top", size=8.0))
+    return tuple(items)
+
+
+def _colour(summary: StaticSummary, axis: int) -> str:
+    return COLOURS[axis] if summary.pose.right else GREY
+
+
+def _means(values: Array) -> Array:
+    """Return means of equal stretches: the wander is to be seen, not the noise of a sample."""
+    size = max(1, -(-len(values) // MAX_DOTS))
+    means: Array = values[: len(values) // size * size].reshape(-1, size).mean(axis=1)
+    return means
+
+
+def _rate_residuals(analysis: NineAxisAnalysis) -> Plot:
+    """Return how each rate's scale factor differs from K, axis by axis, with bars of 2 u."""
     solved = {axis: solution for axis, solution in analysis.axes.items() if solution is not None}
-    figure = new_figure(3.0)
-    grid = figure.subplots(1, len(solved), squeeze=False)[0]
-    figure.subplots_adjust(wspace=0.24)
-    for axes, (axis, solution) in zip(grid, solved.items(), strict=True):
-        axes.errorbar(
+    panels = []
+    for column, (axis, solution) in enumerate(solved.items()):
+        reach = 2.0 * PPM * solution.scale_factor.standard_uncertainty
+        reach /= abs(solution.scale_factor.value)
+        rates = Points(
             solution.commanded,
             PPM * solution.deviation,
-            yerr=2.0 * PPM * solution.deviation_u,
-            fmt="o",
-            markersize=5,
-            color=COLOURS[axis],
-            elinewidth=1.0,
-            capsize=2,
+            bars=2.0 * PPM * solution.deviation_u,
+            colour=COLOURS[axis],
+            size=5.0,
+            bar_width=1.0,
+            cap=2.0,
         )
-        u = PPM * solution.scale_factor.standard_uncertainty / abs(solution.scale_factor.value)
-        axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.axhspan(-2.0 * u, 2.0 * u, color=GREY, alpha=0.25)
-        axes.set_xscale("log")
-        axes.set_xlabel("rate, deg/s")
         kind = "weighted mean" if solution.agree else "plain mean"
-        label_above(axes, f"{AXES[axis]}: K is the {kind}")
-    grid[0].set_ylabel("K of the rate less K, ppm")
-    return figure
+        panels.append(
+            Panel(
+                (Region(y=(-reach, reach)), rates, Rule(y=0.0, width=0.7)),
+                title=f"{AXES[axis]}: K is the {kind}",
+                x=Axis("rate, deg/s", log=True),
+                y=Axis("" if column else "K of the rate less K, ppm"),
+                column=column,
+            )
+        )
+    return Plot(
+        "Scale factor rate by rate",
+        "K of each rate, true rates from the encoder, less K; bars are 2 u, the band is 2 u of K. "
+        "Rates that differ by noise alone are weighted, others count alike.",
+        tuple(panels),
+        3.0,
+        gap_x=0.24,
+    )
