@@ -4,45 +4,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from datetime import datetime
+from dataclasses import replace
+from datetime import UTC, datetime
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
-from matplotlib.figure import Figure
+import numpy as np
 
 from station.decision import Limit
 from station.history.charts import FEWEST, Chart
 from station.history.series import Series
 from station.history.store import Entry
-from station.parts import Part, Plot, Table, first_rows
-from station.report.drawing import (
+from station.parts import Part, Table, first_rows
+from station.plots import (
     BLACK,
     BLUE,
     GREY,
     ORANGE,
-    STYLE,
     VERMILION,
-    label_above,
-    new_figure,
+    Axis,
+    Item,
+    Panel,
+    Plot,
+    Points,
+    Rule,
+    Steps,
 )
 from station.report.html import render_parts
 from station.report.numbers import format_limit, format_with_uncertainty
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 COLOURS = (BLUE, ORANGE, BLACK, GREY, VERMILION)
+LIMIT = Rule(colour=VERMILION, width=1.0, dashes="--")
 BINS_AT_MOST = 20
+SECONDS_PER_DAY = 86400.0
 
 
 def page_of(series: Sequence[Series], about: str) -> str:
     """Return the page of some rows of results; `about` says what was asked for."""
-    with mpl.rc_context(STYLE):
-        return render_parts(
-            "Results over time", about, [p for series in series for p in _parts(series)]
-        )
+    return render_parts(
+        "Results over time", about, [part for row in series for part in _parts(row)]
+    )
 
 
 def _parts(series: Series) -> Iterator[Part]:
@@ -50,7 +50,7 @@ def _parts(series: Series) -> Iterator[Part]:
     if not series.values:
         return
     title = f"{series.procedure}: {series.title}"
-    yield Plot(title, _caption(series), _over_time(series))
+    yield _over_time(title, series)
     standards = [entry for entry in series.entries if entry.check_standard]
     for serial in dict.fromkeys(standard.serial for standard in standards):
         own = Series(
@@ -63,80 +63,87 @@ def _parts(series: Series) -> Iterator[Part]:
         )
         chart = own.chart()
         if chart is not None:
-            yield Plot(
-                f"{title}, check standard {serial}", _chart_caption(chart), _chart(own, chart)
-            )
+            yield _chart(f"{title}, check standard {serial}", own, chart)
     units = series.newest_of_each_unit()
     if len(units) >= FEWEST:
-        yield Plot(f"{title}, over the units", _units_caption(series, units), _units(series, units))
+        yield _units(f"{title}, over the units", series, units)
     yield _table(series)
 
 
-def _over_time(series: Series) -> Figure:
-    figure = new_figure(2.8)
-    axes = figure.subplots()
+def _over_time(title: str, series: Series) -> Plot:
+    items: list[Item] = []
     serials = list(dict.fromkeys(entry.serial for entry in series.entries))
     for number, serial in enumerate(serials):
         mine = [
             entry for entry in series.entries if entry.serial == serial and entry.value is not None
         ]
-        axes.errorbar(
-            [_day(entry) for entry in mine],
-            [entry.value or 0.0 for entry in mine],
-            [entry.expanded_uncertainty or 0.0 for entry in mine],
-            fmt="o-",
-            markersize=4,
-            linewidth=0.8,
-            capsize=2,
-            color=COLOURS[number % len(COLOURS)],
-            label=serial if number < len(COLOURS) else None,
+        items.append(
+            Points(
+                [_day(entry) for entry in mine],
+                [entry.value or 0.0 for entry in mine],
+                bars=[entry.expanded_uncertainty or 0.0 for entry in mine],
+                colour=COLOURS[number % len(COLOURS)],
+                cap=2.0,
+                joined=0.8,
+                label=serial if len(serials) > 1 and number < len(COLOURS) else "",
+            )
         )
-    last = series.entries[-1]
-    for bound in (last.limit_min, last.limit_max):
-        if bound is not None:
-            axes.axhline(bound, color=VERMILION, linewidth=1.0, linestyle="--")
-    if len(serials) > 1:
-        axes.legend()
-    _date_axis(axes)
-    axes.set_ylabel(series.unit)
-    return figure
+    items += [replace(LIMIT, y=bound) for bound in _limits(series)]
+    panel = Panel(tuple(items), x=Axis(dates=True), y=Axis(series.unit))
+    return Plot(title, _caption(series), (panel,), 2.8)
 
 
-def _chart(series: Series, chart: Chart) -> Figure:
-    figure = new_figure(4.2)
-    upper, lower = figure.subplots(2, 1, sharex=True)
+def _chart(title: str, series: Series, chart: Chart) -> Plot:
     values = series.values
     numbers = range(1, len(values) + 1)
-    upper.plot(numbers, values, "o-", markersize=3, color=BLUE)
-    for zone, style in ((0, "-"), (1, ":"), (2, ":"), (3, "--")):
-        for side in {-zone, zone}:
-            upper.axhline(
-                chart.centre + side * chart.sigma, color=GREY, linewidth=0.8, linestyle=style
-            )
     alarms = sorted(chart.alarms)
-    upper.plot([n + 1 for n in alarms], [values[n] for n in alarms], "s", color=VERMILION)
-    label_above(upper, f"Individual values, {series.unit}")
-    lower.plot(
-        numbers[1:], [abs(b - a) for a, b in pairwise(values)], "o-", markersize=3, color=BLUE
+    upper: tuple[Item, ...] = (
+        Points(numbers, values, size=3.0, joined=1.4),
+        *(
+            Rule(y=chart.centre + side * chart.sigma, colour=GREY, width=0.8, dashes=dashes)
+            for zone, dashes in ((0, "-"), (1, ":"), (2, ":"), (3, "--"))
+            for side in sorted({-zone, zone})
+        ),
+        Points(
+            [n + 1 for n in alarms],
+            [values[n] for n in alarms],
+            marker="s",
+            size=6.0,
+            colour=VERMILION,
+        ),
     )
-    lower.axhline(chart.largest_range, color=GREY, linewidth=0.8, linestyle="--")
-    label_above(lower, f"Moving range, {series.unit}")
-    lower.set_xlabel("run")
-    return figure
+    ranges = [abs(b - a) for a, b in pairwise(values)]
+    lower = (
+        Points(numbers[1:], ranges, size=3.0, joined=1.4),
+        Rule(y=chart.largest_range, colour=GREY, width=0.8, dashes="--"),
+    )
+    return Plot(
+        title,
+        _chart_caption(chart),
+        (
+            Panel(upper, title=f"Individual values, {series.unit}"),
+            Panel(lower, title=f"Moving range, {series.unit}", x=Axis("run"), row=1),
+        ),
+        4.2,
+        share_x="column",
+    )
 
 
-def _units(series: Series, units: Sequence[Entry]) -> Figure:
-    figure = new_figure(2.6)
-    axes = figure.subplots()
+def _units(title: str, series: Series, units: Sequence[Entry]) -> Plot:
+    values = [unit.value for unit in units if unit.value is not None]
     bins = min(BINS_AT_MOST, math.ceil(math.sqrt(len(units))) + 1)
-    axes.hist([unit.value for unit in units if unit.value is not None], bins=bins, color=BLUE)
+    heights, edges = np.histogram(values, bins)
+    items: tuple[Item, ...] = (
+        Steps(edges, heights, colour=BLUE),
+        *(replace(LIMIT, x=bound) for bound in _limits(series)),
+    )
+    panel = Panel(items, x=Axis(series.unit), y=Axis("units"))
+    return Plot(title, _units_caption(series, units), (panel,), 2.6)
+
+
+def _limits(series: Series) -> list[float]:
     last = series.entries[-1]
-    for bound in (last.limit_min, last.limit_max):
-        if bound is not None:
-            axes.axvline(bound, color=VERMILION, linewidth=1.0, linestyle="--")
-    axes.set_xlabel(series.unit)
-    axes.set_ylabel("units")
-    return figure
+    return [bound for bound in (last.limit_min, last.limit_max) if bound is not None]
 
 
 def _caption(series: Series) -> str:
@@ -177,10 +184,5 @@ def _table(series: Series) -> Table:
 
 
 def _day(entry: Entry) -> float:
-    return float(date2num(datetime.fromisoformat(entry.started_utc)))
-
-
-def _date_axis(axes: Axes) -> None:
-    locator = AutoDateLocator()
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    begun = datetime.fromisoformat(entry.started_utc[:19]).replace(tzinfo=UTC)
+    return begun.timestamp() / SECONDS_PER_DAY
