@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -10,8 +9,7 @@ from typing import Any
 
 from station.errors import reason_of
 from station.plots import MAX_ROWS as ROWS_OF_A_TRACE
-from station.plots import Plot as Plot
-from station.plots import plot_of, to_data
+from station.plots import Plot, plot_of, to_data
 
 MAX_BYTES = 2_000_000
 """Of the plots of a revision: traces are thinned further where they hold more."""
@@ -63,15 +61,10 @@ def parts_of_text(text: str) -> tuple[Part, ...]:
 def _to_data(part: Part, most: int) -> dict[str, Any]:
     if isinstance(part, Table):
         return {"kind": "table", **asdict(part)}
-    if isinstance(part.panels, bytes):  # bridge: delete with `drawing.old_form`
-        drawn = base64.b64encode(part.panels).decode()
-        return {"kind": "drawn", "title": part.title, "caption": part.caption, "png": drawn}
     return {"kind": "plot", **to_data(part, most)}
 
 
 def _part_of(data: Mapping[str, Any]) -> Part:
     if data["kind"] == "table":
         return Table(data["title"], data["caption"], data["columns"], data["rows"])
-    if data["kind"] == "drawn":  # bridge: delete with `drawing.old_form`
-        return Plot(data["title"], data["caption"], base64.b64decode(data["png"]))
     return plot_of(data)

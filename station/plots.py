@@ -270,7 +270,7 @@ class Plot:
 
     title: str
     caption: str
-    panels: tuple[Panel, ...] | Any  # bridge: a drawn figure; delete with `drawing.old_form`
+    panels: tuple[Panel, ...]
     height_in: float = 3.4
     _: KW_ONLY
     widths: tuple[float, ...] = ()
@@ -279,6 +279,10 @@ class Plot:
     gap_y: float = 0.2
     share_x: str = ""
     share_y: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.panels, tuple):
+            raise TypeError(f"the plot {self.title!r} is drawn; make it of panels of station.plots")
 
 
 def in_grid(
@@ -301,7 +305,7 @@ MODEL = {
     kind.__name__: kind
     for kind in (Line, Points, Band, Rule, Region, Ellipse, Steps, Note, Arrow, Cells)
 }
-PARTS = {"Axis": Axis, "Scale | None": Scale, "tuple[Panel, ...] | Any": Panel}
+PARTS = {"Axis": Axis, "Scale | None": Scale, "tuple[Panel, ...]": Panel}
 Made = TypeVar("Made")
 
 

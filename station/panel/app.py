@@ -28,7 +28,8 @@ from station.panel.overview import MAX_RUNS, benches, plans
 from station.panel.run_requests import REQUESTS, RunRequests
 from station.panel.starting import Starting, Wanted
 from station.panel.watching import RunWatch, Streams
-from station.parts import Plot, parts_of_text
+from station.parts import parts_of_text
+from station.plots import Plot
 from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
@@ -199,7 +200,7 @@ class Panel:
                 "figure": figure_of(part, texts),
             }
             for part in parts
-            if isinstance(part, Plot) and isinstance(part.panels, tuple)  # bridge
+            if isinstance(part, Plot)
         ]
         return JSONResponse(drawn)
 

@@ -45,11 +45,6 @@ from station.texts import ENGLISH, IN_ENGLISH, REPORT, Texts, catalogue
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from station.findings import Findings
-    from station.parts import Part
-    from station.procedure import Procedure
-    from station.results import ResultDocument
-
 DPI = 110
 CSS_DPI = 96
 WIDTH_IN = 9.4
@@ -107,10 +102,6 @@ class Decades(LogFormatterSciNotation):
 
 def png_of(plot: Plot, texts: Texts = IN_ENGLISH) -> bytes:
     """Return a plot as a PNG file: the same bytes for the same plot, no software tag."""
-    if isinstance(plot.panels, bytes):  # bridge: delete with `old_form`
-        return plot.panels
-    if isinstance(plot.panels, Figure):  # bridge: delete with `old_form`
-        return png_bytes(plot.panels)
     texts, style = drawn_in(texts.languages[0])
     return png_bytes(figure_of(plot, texts, style), style)
 
@@ -422,60 +413,3 @@ def _strip(figure: Figure, panel: Panel, axes: Axes, texts: Texts) -> None:
     norm = Normalize(scale.low, scale.high)
     figure.colorbar(ScalarMappable(norm, MAPS[scale.colours]), cax=strip, ticks=scale.ticks)
     strip.set_title(texts(scale.label), fontsize=8.0, pad=4)
-
-
-# Bridge to the old form, in which a procedure draws: delete all below, and what names `old_form`
-# or `bridge` here, in `station.parts` and in `station.plots`, when no module uses it.
-
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY, PALE = list(PALETTE.values())[:9]
-
-
-def parts_of(procedure: Procedure, findings: Findings, document: ResultDocument) -> Sequence[Part]:
-    """Return what a procedure adds to the report, its plots drawn in the style of the page."""
-    with mpl.rc_context(STYLE):
-        return [old_form(part) for part in procedure.report(findings, document)]
-
-
-def old_form(part: Part) -> Part:
-    """Return a part; a drawn figure in it as the bytes of its PNG."""
-    if isinstance(part, Plot) and isinstance(part.panels, Figure):
-        return replace(part, panels=png_bytes(part.panels))
-    return part
-
-
-def new_figure(height_in: float = 3.4) -> Figure:
-    """Return an empty figure on white, as wide as the page; drawn in STYLE by `parts_of`."""
-    figure = Figure(figsize=(WIDTH_IN, height_in), facecolor="white")
-    figure.subplots_adjust(
-        left=LEFT_IN / WIDTH_IN,
-        right=1.0 - RIGHT_IN / WIDTH_IN,
-        bottom=BOTTOM_IN / height_in,
-        top=1.0 - TOP_IN / height_in,
-    )
-    return figure
-
-
-def label_above(axes: Axes, text: str) -> None:
-    """Write a short plain title above the panel, flush left."""
-    axes.set_title(text, loc="left", fontsize=9.0, color=INK, pad=6)
-
-
-def panels(figure: Figure, count: int, columns: int, *, share_x: bool, share_y: bool) -> list[Axes]:
-    """Return `count` panels row by row; the rest of the last row stays empty."""
-    columns = min(count, columns)
-    grid = figure.subplots(-(-count // columns), columns, sharex=share_x, sharey=share_y)
-    every: list[Axes] = list(np.atleast_1d(grid).flat)
-    for axes in every[count:]:
-        axes.set_visible(False)
-    return every[:count]
-
-
-def label_outer(grid: Sequence[Axes], columns: int, below: str, beside: str) -> None:
-    """Name the axes at the left edge and below the last panel of each column."""
-    for number, axes in enumerate(grid):
-        last = number + columns >= len(grid)
-        axes.tick_params(labelbottom=last)
-        if last:
-            axes.set_xlabel(below)
-        if number % columns == 0:
-            axes.set_ylabel(beside)

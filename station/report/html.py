@@ -12,7 +12,8 @@ from markupsafe import Markup
 
 from station.decision import Decision
 from station.findings import Published
-from station.parts import Part, Plot, Table
+from station.parts import Part, Table
+from station.plots import Plot
 from station.report.context import ReportContext
 from station.report.numbers import (
     NOTHING,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from station.parts import Part, Plot
+from station.parts import Part
+from station.plots import Plot
 from station.report.context import ReportContext
 from station.report.html import badge_of, budgets_of, published_rows, result_rows
 from station.report.numbers import format_duration

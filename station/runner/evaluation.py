@@ -276,9 +276,7 @@ def write_revision(
 
 def plots_of(document: ResultDocument, findings: Findings) -> str:
     """Return the text of `plots.json`: what the procedure adds to the report."""
-    from station.report.drawing import parts_of  # bridge: `report` of the procedure is enough
-
-    return text_of_parts(parts_of(procedure_of(document.procedure), findings, document))
+    return text_of_parts(procedure_of(document.procedure).report(findings, document))
 
 
 def write_results(place: Path, document: ResultDocument) -> None:

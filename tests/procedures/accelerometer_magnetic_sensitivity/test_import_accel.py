@@ -12,7 +12,8 @@ from places import DATA
 from procedures.accelerometer_magnetic_sensitivity.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.parts import Plot, Table
+from station.parts import Table
+from station.plots import Plot
 from station.results import ResultDocument
 from station.runner.evaluation import evaluate_dataset
 

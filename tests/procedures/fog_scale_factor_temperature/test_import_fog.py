@@ -18,7 +18,8 @@ from procedures.fog_scale_factor_temperature.dataset import TurnTable
 from procedures.fog_scale_factor_temperature.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.parts import Plot, Table
+from station.parts import Table
+from station.plots import Plot
 from station.runner.evaluation import evaluate_dataset
 
 EXAMPLES = sorted(path.name for path in DATA.glob("fog-*"))

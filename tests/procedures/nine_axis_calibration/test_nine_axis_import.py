@@ -12,7 +12,7 @@ from places import DATA
 from procedures.nine_axis_calibration.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.parts import Plot
+from station.plots import Plot
 from station.results import ResultDocument
 from station.runner.evaluation import evaluate_dataset
 

@@ -10,7 +10,8 @@ from places import DATA
 from procedures.serf_nonorthogonality.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
-from station.parts import Plot, Table
+from station.parts import Table
+from station.plots import Plot
 from station.runner.evaluation import evaluate_dataset
 
 FOUR, REVERSAL = "serf-four-shots", "serf-polarity-reversal"

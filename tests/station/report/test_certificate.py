@@ -19,12 +19,11 @@ from station.cli.reporting import remake_report
 from station.errors import InputError
 from station.files.plan import read_plan
 from station.instruments.bench import read_bench
-from station.parts import Plot
+from station.plots import Line, Panel, Plot
 from station.procedure import Procedures
 from station.record.folder import RunFolder
 from station.report.certificate import certificate_of_run, sheet_of
 from station.report.certificate_fields import MANDATORY, Certificate
-from station.report.drawing import new_figure
 from station.report.pdf import render_pdf
 from station.report.report_sheet import report_sheet
 from station.report.run_report import context_of_run
@@ -245,9 +244,8 @@ def test_the_report_as_pdf_has_contents_plots_tables_and_references(
 ) -> None:
     folder, document = run
     context = context_of_run(folder)
-    figure = new_figure()
-    figure.subplots().plot([0, 1], [0, 1])
-    sheet = report_sheet("N-1", context, document, [Plot("The line", "It rises.", figure)])
+    plot = Plot("The line", "It rises.", (Panel((Line([0, 1], [0, 1]),)),))
+    sheet = report_sheet("N-1", context, document, [plot])
     pages = PdfReader(io.BytesIO(render_pdf(sheet))).pages
     text = plain("".join(page.extract_text() for page in pages))
     assert sum(len(page.images) for page in pages) == 1

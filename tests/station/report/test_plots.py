@@ -134,6 +134,11 @@ def test_plots_of_a_revision_stay_below_two_megabytes() -> None:
     assert isinstance(drawn, Plot) and len(drawn.panels[0].items) == 100
 
 
+def test_a_drawn_figure_is_no_plot() -> None:
+    with pytest.raises(TypeError, match="make it of panels"):
+        Plot("Old", "It was drawn.", figure_of(a_plot()))  # type: ignore[arg-type]
+
+
 def test_numbers_have_the_digits_that_can_be_seen() -> None:
     assert rounded([1.23456789, 0.0]) == [1.23457, 0.0]
     days = [20_000.123456, 20_000.223456]

@@ -16,7 +16,8 @@ from procedures.rlg_magnetic_sensitivity.figures import draw_parts
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
-from station.parts import Part, Plot, Table
+from station.parts import Part, Table
+from station.plots import Plot
 from station.report.context import (
     InstrumentRow,
     PromptRow,
