@@ -141,14 +141,14 @@ def read_now(
     def read(name: str) -> SafeOutcome:
         instrument = instruments[name]
         assert isinstance(instrument, MadeSafe)
+        asked_s = clock.now()
         try:
             reading = unhurried(instrument.read_safety)
         except Exception as error:  # whatever it is, the others are still read
             why = reason_of(error)
             return replace(known[name], verified=False, read_back=why, read_s=math.nan)
-        now_s = clock.now()
         return replace(
-            known[name], verified=reading.safe, read_back=reading.read_back, read_s=now_s
+            known[name], verified=reading.safe, read_back=reading.read_back, read_s=asked_s
         )
 
     if not isinstance(clock, RealClock):

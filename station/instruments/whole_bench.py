@@ -143,7 +143,7 @@ class UnusedInstruments:
     trace: Trace | None = None
 
     def __post_init__(self) -> None:
-        self._beside: Beside[SafeOutcome | LeftOut | None] = Beside(self._read_one)
+        self._beside: Beside[SafeOutcome | LeftOut | None] = Beside(self._read_one, keeps=False)
 
     def read(
         self,
@@ -221,12 +221,12 @@ class UnusedInstruments:
         instrument = identified.instrument
         if not isinstance(instrument, MadeSafe):
             return None
+        read_s = self.clock.now()  # one that answers late may have stood so when it was asked
         reading = instrument.read_safety()
         rests = reading.safe or getattr(reading, "dormant", False)
         if rests and not ok:
             return LeftOut(name, "another serial number answers", said)
-        read_s = self.clock.now()
-        took_s = read_s - began_s
+        took_s = self.clock.now() - began_s
         return SafeOutcome(name, rests, reading.read_back, took_s, used=False, read_s=read_s)
 
 

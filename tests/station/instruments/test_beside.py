@@ -34,6 +34,63 @@ def test_one_that_hangs_keeps_no_other_from_its_turn_and_is_not_begun_again() ->
     assert both.do([["hangs"]], WITHIN_S) == {"hangs": "hangs 2"}
 
 
+def test_what_answered_when_nobody_waited_is_asked_anew_where_no_answer_is_kept() -> None:
+    begun: Counter[str] = Counter()
+    lets_go, back = Event(), Event()
+
+    def read(name: str) -> str:
+        begun[name] += 1
+        if begun[name] == 1:
+            lets_go.wait(WITHIN_S)
+        return f"{name} {begun[name]}"
+
+    looks = Beside(read, keeps=False)
+    assert looks.do([["supply"]], 0.1) == {}
+    lets_go.set()
+    back.wait(0.2)
+    assert looks.do([["supply"]], WITHIN_S) == {"supply": "supply 2"}
+
+
+def test_nobody_on_a_line_is_begun_while_another_on_it_hangs() -> None:
+    at_work: list[str] = []
+    lets_go = Event()
+    calls: Counter[str] = Counter()
+
+    def read(name: str) -> list[str]:
+        calls[name] += 1
+        at_work.append(name)
+        seen = list(at_work)
+        if name == "hangs":
+            lets_go.wait(WITHIN_S)
+        at_work.remove(name)
+        return seen
+
+    line = Beside(read, keeps=False)
+    assert line.do([["answers", "hangs"]], 0.2) == {"answers": ["answers"]}
+    assert line.do([["answers", "hangs"]], 0.2) == {}
+    assert calls == {"answers": 1, "hangs": 1}
+    lets_go.set()
+    both = line.do([["answers", "hangs"]], WITHIN_S)
+    assert both == {"answers": ["answers"], "hangs": ["hangs"]}
+
+
+def test_work_that_raises_is_begun_again_and_holds_up_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("threading.excepthook", lambda _: None)
+    fails = True
+
+    def read(name: str) -> str:
+        if fails:
+            raise Aborted("a person ended the run")
+        return name
+
+    looks = Beside(read)
+    assert looks.do([["a", "b"]], WITHIN_S) == {}
+    fails = False
+    assert looks.do([["a", "b"]], WITHIN_S) == {"a": "a", "b": "b"}
+
+
 def test_those_of_one_line_take_turns() -> None:
     at_work: list[str] = []
 
