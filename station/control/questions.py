@@ -175,8 +175,11 @@ class Operator:
         return Answer(answer, "operator" if given is None else "answers file")
 
     def _ask_a_person(self, prompt: Prompt) -> str:
-        if not self._interactive:
-            self.check([prompt])
+        if not self._interactive:  # asked because of what was measured: no check knew of it
+            raise UnansweredPrompt(
+                f"the prompt {prompt.id} needs a person, and no operator can be asked; give "
+                f"`{prompt.id}: {DONE}` in a YAML file with --answers FILE: {prompt.text}"
+            )
         if self._desk is not None:
             return self._desk.ask(prompt)
         with self._clock.waiting_for_person(), wishes_end_a_prompt(self._clock, prompt.id):

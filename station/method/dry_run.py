@@ -7,14 +7,16 @@ and the instruments that a plan needs are read from the walk.
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from itertools import groupby, islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from station import registry
-from station.errors import InputError
+from station.errors import InputError, StationError, reason_of
 from station.method.duration import NO_TIME, Duration, exactly
 from station.method.prompts import DONE, Prompt
 from station.method.run import NO_ROWS, EarlierProgress, Item, Rates, Result, Role, Run, Step
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 USUAL_AVERAGING_S = 0.1
+STATION = Path(__file__).parents[1]
+MOST_ACTS = 200_000
+"""Many times what the longest procedure does; a step that does more does not come to its end."""
 
 
 @dataclass(frozen=True)
@@ -180,6 +185,8 @@ class Unread:
     __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = __hash__ = _refuse
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = _refuse
     __rtruediv__ = __neg__ = __abs__ = __contains__ = __array__ = __format__ = _refuse
+    __pow__ = __rpow__ = __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __round__ = _refuse
+    __str__ = __next__ = __enter__ = __exit__ = __setitem__ = _refuse
 
 
 class DryRun(Run):
@@ -195,7 +202,9 @@ class DryRun(Run):
         self._units: dict[str, None] = {}
         self._prompts: dict[Prompt, None] = {}
         self._instruments: dict[str, None] = {}
-        self._prepared: set[Command[Any]] = set()
+        self._prepared: dict[Command[Any], Act] = {}
+        self._measured: set[str] = set()
+        self._calls = 0
 
     def walk(self, steps: Iterable[Step]) -> Walk:
         """Walk steps and return what they would do.
@@ -206,26 +215,53 @@ class DryRun(Run):
             self._step = step.number
             try:
                 step.body(self)
-            except InputError as error:
+            except StationError as error:
                 raise InputError(f"step {step.number}: {error}") from error
+            except MemoryError:
+                raise
+            except Exception as error:
+                raise InputError(
+                    f"step {step.number}: {type(error).__name__}, {reason_of(error)}, at "
+                    f"{place_of(error)}; a dry run has to come through it with what is assumed"
+                ) from error
+        self._acts += self._prepared.values()  # loaded, and started by nobody
         return Walk(
             tuple(self._acts), tuple(self._prompts), tuple(self._instruments), tuple(self._units)
         )
 
+    def _act(self, duration: Duration = NO_TIME, **of: Any) -> Act:
+        for seconds in (duration.expected_s, duration.shortest_s, duration.longest_s):
+            if not 0.0 <= seconds < math.inf:
+                raise InputError(f"{seconds:g} s is no time that something can take")
+        return Act(self._step, self._unit, duration=duration, repeats=self._repeating, **of)
+
     def _note(self, **of: Any) -> None:
-        self._acts.append(Act(self._step, self._unit, repeats=self._repeating, **of))
+        self._count_call()
+        self._acts.append(self._act(**of))
+
+    def _count_call(self) -> None:
+        self._calls += 1
+        if self._calls > MOST_ACTS:
+            raise InputError(
+                f"it does not come to its end: {MOST_ACTS} things are done; a loop that a reading "
+                "ends goes through `run.repeats`, or behind `run.read`"
+            )
 
     def apply(self, command: Command[Result], takes: Duration = NO_TIME) -> Result:
         """Take note of a command."""
+        refuse_unsendable(command)
         self._instruments[command.instrument] = None
-        self._prepared.discard(command)
+        self._prepared.pop(command, None)
         self._note(command=command, duration=takes)
         self._now_s += takes.expected_s
         assumed: Result = command.assumed
         return assumed
 
     def prepare(self, command: Command[Result]) -> Result | None:
-        """Return what the command assumes."""
+        """Take note of a command that may never be applied."""
+        refuse_unsendable(command)
+        self._instruments[command.instrument] = None
+        self._prepared[command] = self._act(command=command)
         assumed: Result = command.assumed
         return assumed
 
@@ -264,9 +300,9 @@ class DryRun(Run):
         self._now_s += seconds
 
     def ask(self, prompt: Prompt) -> str:
-        """Take note of a prompt."""
+        """Take note of a prompt; a value that is asked for is the smallest that may be typed."""
         self._prompts[prompt] = None
-        return DONE
+        return DONE if prompt.value is None else prompt.value.read(str(prompt.value.low)) or DONE
 
     ask_again = ask
 
@@ -313,7 +349,12 @@ class DryRun(Run):
 
     @contextmanager
     def unit(self, name: str, **details: Any) -> Iterator[dict[str, Any]]:
-        """Count what is done within as the unit's."""
+        """Count what is done within as the unit's; raises InputError where it was measured."""
+        if name in self._measured and not self._repeating:
+            raise InputError(
+                f"two units of work are named {name}: a resumed run could not tell them apart"
+            )
+        self._measured.add(name)
         with self.toward(name):
             yield details
 
@@ -326,6 +367,7 @@ class DryRun(Run):
     @property
     def now_s(self) -> float:
         """Expected run time in s since the first step began."""
+        self._count_call()
         return self._now_s
 
     def say(self, text: str) -> None:
@@ -373,6 +415,31 @@ class DryRun(Run):
         raise InputError(
             f"a dry run has no {what}; put what needs it behind `run.read(function, assumed=…)`"
         )
+
+
+def refuse_unsendable(command: Command[Any]) -> None:
+    """Raise InputError for what a run could not send: a bound, or what cannot be looked up."""
+    if isinstance(command, Bounded):
+        raise InputError(
+            f"{command.instrument}: `{command.text}` says how far a step may go; give it to "
+            "`run.declare`, and apply the command that the data decide"
+        )
+    try:
+        hash(command)
+    except TypeError as error:
+        raise InputError(
+            f"{command.instrument}: the fields of a {type(command).__name__} cannot be compared "
+            f"({error}); give it tuples"
+        ) from error
+
+
+def place_of(error: BaseException) -> str:
+    """Return file and line of the procedure where an error came up, not of a library it uses."""
+    frames = traceback.extract_tb(error.__traceback__)
+    outside = [frame for frame in frames if STATION not in Path(frame.filename).parents] or frames
+    package = Path(outside[0].filename).parent
+    frame = [one for one in outside if package in Path(one.filename).parents][-1]
+    return f"{frame.filename}:{frame.lineno}"
 
 
 def times(rows: Rows, often: float) -> Rows:

@@ -364,5 +364,5 @@ class Envelope:
             if not (low >= least - slack and high <= most + slack):  # nor one that is no number
                 raise InputError(
                     f"{command.instrument}: a step commands {command.words(bench)}, which is "
-                    "beyond what the procedure declares of its work; it is not sent"
+                    "beyond what its dry run saw, and was held against no limit; it is not sent"
                 )

@@ -6,6 +6,7 @@ file. The same is programmed into the instruments and watched by interlocks late
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -76,8 +77,10 @@ def beyond_limits(forecast: Forecast, bench: Bench) -> Iterator[Problem]:
             ]
             if not sized:
                 continue
-            worst, point = (min if check.lowest else max)(sized, key=lambda pair: pair[0])
-            if worst < allowed if check.lowest else worst > allowed:
+            no_numbers = [pair for pair in sized if math.isnan(pair[0])]
+            most = min if check.lowest else max
+            worst, point = (no_numbers or [most(sized, key=lambda pair: pair[0])])[0]
+            if not (worst >= allowed if check.lowest else worst <= allowed):
                 what = point.text if point.field_mT is None else f"{point.field_mT:g} mT"
                 yield Problem(point.decided_by or where, check.says(what, worst, name, allowed))
 

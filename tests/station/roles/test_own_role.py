@@ -201,7 +201,7 @@ def test_what_a_step_commands_is_held_against_its_limit() -> None:
     )
     heat = Bounded("cell_heater", "oven at 150 degC", within={"limited": {"power": 12.0}})
     Envelope.of([beyond]).require(heat, bench)
-    with pytest.raises(InputError, match="beyond what the procedure declares"):
+    with pytest.raises(InputError, match="beyond what its dry run saw"):
         Envelope.of([within]).require(heat, bench)
 
 

@@ -191,7 +191,7 @@ class Watched:
 def test_a_command_beyond_the_declaration_is_refused_before_anything_is_sent(
     declared: list[Command[Any]], sent: Command[Any]
 ) -> None:
-    with pytest.raises(InputError, match=r"coil_supply\.x: .* beyond what the procedure declares"):
+    with pytest.raises(InputError, match=r"coil_supply\.x: .* beyond what its dry run saw"):
         Watched(declared).apply(sent)  # type: ignore[misc, arg-type]
 
 
@@ -231,7 +231,7 @@ def test_a_signed_limit_of_a_role_of_its_own_has_two_ends(first: float) -> None:
 
 def test_a_field_at_a_cell_that_is_no_number_is_refused() -> None:
     coil = ("signal_generator.xy", 1, "x")
-    with pytest.raises(InputError, match="beyond what the procedure declares"):
+    with pytest.raises(InputError, match="beyond what its dry run saw"):
         Watched([CellField(*coil, 50.0)]).apply(CellField(*coil, math.nan))  # type: ignore[misc, arg-type]
 
 

@@ -77,6 +77,13 @@ def test_an_answers_file_without_an_answer_is_refused_beforehand(given: str) -> 
         asked.check([MOUNT])
 
 
+def test_what_is_asked_because_of_data_and_nobody_answers_does_not_say_what_a_check_says() -> None:
+    asked = Operator(RealClock(), {}, interactive=False, act=None)
+    with pytest.raises(UnansweredPrompt, match="the prompt mount needs a person") as caught:
+        asked.ask(MOUNT)
+    assert "nothing was energised" not in str(caught.value)
+
+
 def rehearsed(answers: dict[str, str], *, interactive: bool, acts: list[str]) -> Operator:
     def act(prompt_id: str) -> str:
         acts.append(prompt_id)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -180,3 +181,8 @@ def test_every_procedure_is_checked_alike_and_nothing_is_told_twice() -> None:
     assert len(sentences) == len(set(sentences))
     assert "the bench 'small' has no gaussmeter, which this plan needs" in sentences
     assert "something of its own" in sentences
+
+
+def test_what_is_no_number_hides_nothing_that_is_beyond_a_limit() -> None:
+    assert "nan A" in said(coil(current_A=math.nan), coil(current_A=100.0))[0]
+    assert "nan deg" in said(table(angle_deg=math.nan), table(angle_deg=0.0))[0]
