@@ -79,7 +79,7 @@ def offers() -> tuple[dict[str, dict[str, EntryPoint]], tuple[str, ...]]:
 
 def is_own(entry: EntryPoint) -> bool:
     """Whether an entry is the station's own, and not that of a package which only says so."""
-    return name_of(entry.dist) == DISTRIBUTION and entry.module.split(".")[0] in OWN
+    return entry.module.split(".")[0] in OWN and name_of(entry.dist) == DISTRIBUTION
 
 
 def package_of(group: str, name: str) -> str:
@@ -116,8 +116,12 @@ def have_none_where_unreadable() -> None:
     setattr(Distribution, "entry_points", property(read))  # noqa: B010
 
 
+@lru_cache
 def name_of(package: Distribution | None) -> str:
-    """Return the name of a package, its folder's where its metadata gives none."""
+    """Return the name of a package, its folder's where its metadata gives none.
+
+    Python parses the whole metadata, with the text on the package, whenever it is asked.
+    """
     try:
         name = package.metadata["Name"] if package is not None else None
     except Exception:  # as above
