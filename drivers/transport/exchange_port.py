@@ -13,11 +13,12 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TypeVar
 
 from drivers.transport.line import AnswerInDoubt, ExchangeLine, LineBroken, TooLate, shortened
-from drivers.transport.retry import NEVER, Proof, Repeatable, repeated
+from drivers.transport.retry import MESSAGES_KEPT, NEVER, Proof, Repeatable, repeated
 from drivers.transport.serial_port import Port
 from station.errors import InstrumentError, reason_of
 from station.roles import EXCHANGE_DEADLINE_S, TRIES, Place
@@ -54,6 +55,7 @@ class ExchangePort(ExchangeLine, ABC):
     ) -> None:
         super().__init__(place)
         self._deadlines = deadlines
+        self._stated_s = lru_cache(MESSAGES_KEPT)(self._longest_stated_s)
         self._lock = place.clock.lock(f"{place.name} line")
         self._wire = place.clock.wire(wire)
         self._repeatable = repeatable
@@ -148,13 +150,16 @@ class ExchangePort(ExchangeLine, ABC):
 
     def deadline_of_s(self, message: str) -> float:
         """Return how long the answer to a message may take from now on, s of run time."""
+        return self._place.exchanges.deadline_of_s(self._stated_s(message), self._clock.now())
+
+    def _longest_stated_s(self, message: str) -> float:
+        """Return the deadline that the driver states of a message, or the usual one, s."""
         stated_s = [
             deadline_s
             for pattern, deadline_s in self._deadlines.items()
             if re.search(pattern, message, re.IGNORECASE)
         ]
-        longest_s = max(stated_s, default=EXCHANGE_DEADLINE_S)
-        return self._place.exchanges.deadline_of_s(longest_s, self._clock.now())
+        return max(stated_s, default=EXCHANGE_DEADLINE_S)
 
     def _timed(self, message: str, once: Callable[[Port], Answer], port: Port) -> Answer:
         """Return the answer of one exchange, and note where it took much of its deadline."""

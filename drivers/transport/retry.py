@@ -12,12 +12,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any, Protocol, TypeVar
 
 from station.errors import InstrumentError
 from station.roles import TRIES, Place
 
 Answer = TypeVar("Answer")
+
+MESSAGES_KEPT = 256
+"""Queries come again and again; of set-points there is no end."""
 
 
 class Repeatable:
@@ -34,17 +38,10 @@ class Repeatable:
         self._pattern = re.compile(
             "|".join(f"(?:{pattern})" for pattern in patterns), re.IGNORECASE
         )
-        self._known: dict[str, bool] = {}
+        self._known = lru_cache(MESSAGES_KEPT)(self._all_match)
 
     def __contains__(self, message: object) -> bool:
-        text = str(message)
-        if text not in self._known:
-            # Queries come again and again; set-points, of which there is no end, are not kept.
-            repeatable = self._all_match(text)
-            if not text.endswith("?"):
-                return repeatable
-            self._known[text] = repeatable
-        return self._known[text]
+        return self._known(str(message))
 
     def _all_match(self, message: str) -> bool:
         first, *others = message.split(";")
