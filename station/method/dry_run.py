@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 USUAL_AVERAGING_S = 0.1
 STATION = Path(__file__).parents[1]
-MOST_ACTS = 200_000
+MAX_ACTS = 1_000_000
 """Many times what the longest procedure does; a step that does more does not come to its end."""
 
 
@@ -241,9 +241,9 @@ class DryRun(Run):
 
     def _count_call(self) -> None:
         self._calls += 1
-        if self._calls > MOST_ACTS:
+        if self._calls > MAX_ACTS:
             raise InputError(
-                f"it does not come to its end: {MOST_ACTS} things are done; a loop that a reading "
+                f"it does not come to its end: {MAX_ACTS} things are done; a loop that a reading "
                 "ends goes through `run.repeats`, or behind `run.read`"
             )
 
@@ -438,7 +438,7 @@ def place_of(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     outside = [frame for frame in frames if STATION not in Path(frame.filename).parents] or frames
     package = Path(outside[0].filename).parent
-    frame = [one for one in outside if package in Path(one.filename).parents][-1]
+    frame = [call for call in outside if package in Path(call.filename).parents][-1]
     return f"{frame.filename}:{frame.lineno}"
 
 

@@ -355,9 +355,17 @@ class Envelope:
         return cls(ranges)
 
     def require(self, command: Command[Any], bench: Bench) -> None:
-        """Raise InputError for a command beyond what was declared, and so held against no limit."""
+        """Raise InputError for a command beyond what was declared, and so held against no limit.
+
+        Of an instrument that was to be commanded nothing, that is any command.
+        """
         asked = Envelope.of([command.set_point("", bench)]).ranges[command.instrument]
-        declared = self.ranges.get(command.instrument, {})
+        if command.instrument not in self.ranges:
+            raise InputError(
+                f"{command.instrument}: a step commands {command.words(bench)}, and its "
+                "dry run saw no command of this instrument; it is not sent"
+            )
+        declared = self.ranges[command.instrument]
         for name, (low, high) in asked.items():
             least, most = declared.get(name, (math.inf, -math.inf))
             slack = SLACK * max(abs(low), abs(high))

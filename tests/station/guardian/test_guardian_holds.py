@@ -265,7 +265,7 @@ AUDITED = """
 import json, sys
 from pathlib import Path
 from station.guardian.messages import Instructions
-from station.guardian.notes import Words
+from station.guardian.notes import OperatorOutput
 from station.guardian.watching import Peer
 from station.guardian.make_safe import MakeSafe
 from station.guardian.watching import SafingOrder
@@ -273,7 +273,7 @@ from station.guardian.watching import SafingOrder
 class Gone:
     def has_ended(self): return True
 
-bench_guard = MakeSafe(Instructions(**json.loads(sys.argv[1])), Words(2), Peer())
+bench_guard = MakeSafe(Instructions(**json.loads(sys.argv[1])), OperatorOutput(2), Peer())
 opened, ready = [], set(sys.modules)
 
 def look(event, arguments):

@@ -191,8 +191,14 @@ class Watched:
 def test_a_command_beyond_the_declaration_is_refused_before_anything_is_sent(
     declared: list[Command[Any]], sent: Command[Any]
 ) -> None:
-    with pytest.raises(InputError, match=r"coil_supply\.x: .* beyond what its dry run saw"):
+    with pytest.raises(InputError, match=r"coil_supply\.x: .* its dry run saw"):
         Watched(declared).apply(sent)  # type: ignore[misc, arg-type]
+
+
+def test_an_instrument_of_which_no_command_was_seen_is_not_even_switched_on() -> None:
+    declared = Envelope.of([SineField(SUPPLY, 0.1, 1.0).set_point("S1", bench())])
+    with pytest.raises(InputError, match=r"dut_power: .* saw no command of this instrument"):
+        declared.require(Power("dut_power", True), bench())
 
 
 def test_what_is_within_the_bounds_of_an_act_that_depends_on_data_is_sent() -> None:
@@ -231,7 +237,7 @@ def test_a_signed_limit_of_a_role_of_its_own_has_two_ends(first: float) -> None:
 
 def test_a_field_at_a_cell_that_is_no_number_is_refused() -> None:
     coil = ("signal_generator.xy", 1, "x")
-    with pytest.raises(InputError, match="beyond what its dry run saw"):
+    with pytest.raises(InputError, match="its dry run saw"):
         Watched([CellField(*coil, 50.0)]).apply(CellField(*coil, math.nan))  # type: ignore[misc, arg-type]
 
 

@@ -16,6 +16,7 @@ from station.errors import InputError
 from station.files.lookup import PLANS, available, find
 from station.files.plan import read_plan
 from station.instruments.bench import Bench
+from station.method import dry_run
 from station.method.commands import CoilOff, SineCurrent
 from station.method.dry_run import DryRun
 from station.method.duration import exactly
@@ -126,8 +127,11 @@ def looks_at(expression: Callable[[Any], Any]) -> Callable[[Run], None]:
     ],
 )
 def test_a_step_that_no_dry_run_comes_through_is_refused_by_its_number(
-    body: Callable[[Run], None], says: str
+    body: Callable[[Run], None],
+    says: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(dry_run, "MAX_ACTS", 10_000)
     with pytest.raises(InputError, match=f"(?s)step 7: .*{says}"):
         DryRun(None).walk([Step("7", "", body)])
 
