@@ -104,8 +104,9 @@ def unwrapped(sequence: NDArray[Any]) -> Array:
     return np.concatenate([[0], np.cumsum(steps)]).astype(np.float64)
 
 
-def lower_hull(x: Array, y: Array) -> list[int]:
+def lower_hull(along: Array, up: Array) -> list[int]:
     """Return the indices of the lower convex hull of points ascending in x (monotone chain)."""
+    x, y = along.tolist(), up.tolist()  # one by one, NumPy's own numbers take four times as long
     hull: list[int] = []
     for index in range(len(x)):
         while len(hull) >= 2:
