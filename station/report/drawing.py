@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -117,6 +118,8 @@ def drawn_in(language: str) -> tuple[Texts, dict[str, Any]]:
     except InputError:
         return IN_ENGLISH, STYLE
     fontManager.addfont(file)
+    # It tells everybody which weight it took in the place of another.
+    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     return Texts(language), {**STYLE, "font.family": [str(STYLE["font.family"]), family]}
 
 
