@@ -284,6 +284,19 @@ class Plot:
         if not isinstance(self.panels, tuple):
             raise TypeError(f"the plot {self.title!r} is drawn; make it of panels of station.plots")
 
+    def numbers_at(self, panel: Panel, name: str) -> bool:
+        """Whether the axis `x` or `y` of a panel has numbers; of a shared one the outer panel."""
+        axis: Axis = getattr(panel, name)
+        if name == "x":
+            hidden = bool(self.share_x) and any(
+                other.column == panel.column and other.row > panel.row for other in self.panels
+            )
+        else:
+            hidden = bool(self.share_y) and any(
+                other.row == panel.row and other.column < panel.column for other in self.panels
+            )
+        return axis.numbers and not hidden
+
 
 def in_grid(
     panels: Sequence[Panel], columns: int, below: str, beside: str, *, share_y: bool = False

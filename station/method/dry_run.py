@@ -161,7 +161,7 @@ def reading_period_s(bench: Bench, gaussmeter: str) -> float:
 
 
 class Unread:
-    """What an instrument would say: nothing, in a dry run, and whoever looks at it is told so."""
+    """What an instrument would answer; InputError where a step of a dry run looks at it."""
 
     def __init__(self, what: str) -> None:
         self._what = what

@@ -180,7 +180,7 @@ class Run(ABC):
         kept: State = self._states[kind]
         return kept
 
-    # What is told, and kept.
+    # What the operator reads, and what the record keeps.
 
     @property
     @abstractmethod

@@ -127,7 +127,7 @@ class _Figure:
             "domain": list(domain),
             "anchor": f"{'y' if name == 'x' else 'x'}{number}",
             "showgrid": axis.grid,
-            "showticklabels": axis.numbers and self._outer(name, panel),
+            "showticklabels": self._plot.numbers_at(panel, name),
         }
         if axis.label:
             made["title"] = {"text": escape(self._texts(axis.label)), "standoff": 6}
@@ -156,17 +156,6 @@ class _Figure:
         if (self._plot.share_x if name == "x" else self._plot.share_y) == "all":
             return name, 0
         return name, panel.column if name == "x" else panel.row
-
-    def _outer(self, name: str, panel: Panel) -> bool:
-        """Whether no other panel has the numbers of an axis that is shared."""
-        if name == "x":
-            return not self._plot.share_x or not any(
-                other.column == panel.column and other.row > panel.row
-                for other in self._plot.panels
-            )
-        return not self._plot.share_y or not any(
-            other.row == panel.row and other.column < panel.column for other in self._plot.panels
-        )
 
     def _note(self, item: Note, panel: Panel, number: str) -> None:
         """Write a text into a panel."""

@@ -6,7 +6,6 @@ import io
 import logging
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -163,7 +162,7 @@ def figure_of(plot: Plot, texts: Texts = IN_ENGLISH, style: dict[str, Any] = STY
         for panel, axes in made:
             _fill(axes, panel, texts)
         for panel, axes in made:
-            _finish(axes, _outer(panel, plot), texts)
+            _finish(axes, panel, plot, texts)
         for strip in {panel.row: (panel, axes) for panel, axes in made if panel.scale}.values():
             _strip(figure, *strip, texts)
         if len({panel.row for panel in plot.panels}) > 1:
@@ -179,19 +178,6 @@ def _shared(
         if shared == "all" or (shared and getattr(other, along) == getattr(panel, along)):
             return axes
     return None
-
-
-def _outer(panel: Panel, plot: Plot) -> Panel:
-    """Return a panel without the numbers that an outer one has on the shared axis."""
-    if plot.share_x and any(
-        other.column == panel.column and other.row > panel.row for other in plot.panels
-    ):
-        panel = replace(panel, x=replace(panel.x, numbers=False))
-    if plot.share_y and any(
-        other.row == panel.row and other.column < panel.column for other in plot.panels
-    ):
-        panel = replace(panel, y=replace(panel.y, numbers=False))
-    return panel
 
 
 def _fill(axes: Axes, panel: Panel, texts: Texts) -> None:
@@ -364,7 +350,7 @@ def _colour(colour: str | float, scale: Scale | None) -> Any:
     return mpl.colormaps[MAPS[scale.colours]](share)
 
 
-def _finish(axes: Axes, panel: Panel, texts: Texts) -> None:
+def _finish(axes: Axes, panel: Panel, plot: Plot, texts: Texts) -> None:
     """Set the limits, ticks and labels of a panel, once everything is drawn."""
     both: tuple[tuple[Literal["x", "y"], Axis, Any], ...]
     both = (("x", panel.x, axes.xaxis), ("y", panel.y, axes.yaxis))
@@ -380,7 +366,7 @@ def _finish(axes: Axes, panel: Panel, texts: Texts) -> None:
         elif axis.dates:
             own.set_major_locator(locator := AutoDateLocator())
             own.set_major_formatter(ConciseDateFormatter(locator))
-        if not axis.numbers:
+        if not plot.numbers_at(panel, name):
             axes.tick_params(axis=name, labelbottom=False, labelleft=False)
         if axis.turned:
             axes.tick_params(axis=name, labelrotation=45)
