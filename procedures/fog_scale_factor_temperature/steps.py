@@ -155,13 +155,14 @@ STEPS = (
 
 def find_zeros(run: Run) -> None:
     """Let each axis of the table look for its zero where that is not known."""
-    table = run.state(Following, run).table
-    for move in to_zero():
+    table, to_go = run.state(Following, run).table, to_zero()
+    each = on_the_way(run.parameters.reorientation_s / len(to_go))
+    doing = "the table looks for its zeros"
+    for move in to_go:
         axis = axis_of(run, move)
-        if not run.read(partial(table.is_homed, axis), assumed=True):
+        if not run.read(partial(table.is_homed, axis), assumed=False):
             table.home(axis)
-            come_to_rest(run, TABLE, "the table looks for its zeros", axis=axis, every_s=1.0)
-    run.read(lambda: None, takes=on_the_way(run.parameters.reorientation_s))
+            come_to_rest(run, TABLE, doing, axis=axis, every_s=1.0, takes=each)
 
 
 def reach(run: Run, command: TemperatureTo, unit: str) -> None:

@@ -119,17 +119,18 @@ def make_table_ready(run: Run) -> None:
     table = run.role(TURNTABLE, Turntable)
     table.programme_limits()
     moves = to_level(parameters)
-    for move in (spin(parameters, parameters.turns[1]), *moves):
+    turned = (spin(parameters, parameters.turns[1]), *moves)
+    each = on_the_way(CLOSE_S / len(turned))
+    for move in turned:
         axis = axis_of(run, move)
-        if not run.read(partial(table.is_homed, axis), assumed=True):
+        if not run.read(partial(table.is_homed, axis), assumed=False):
             table.home(axis)
             doing = "the table looks for its zeros"
-            come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S)
+            come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S, takes=each)
     for move in moves:
         run.apply(move)
         axis, doing = axis_of(run, move), "the plate is levelled"
         come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S)
-    run.read(lambda: None, takes=on_the_way(CLOSE_S))
     ready.done = True
 
 
