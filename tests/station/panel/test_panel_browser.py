@@ -197,7 +197,7 @@ def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
     page: Page, served: Served, tmp_path: Path
 ) -> None:
     plan = tmp_path / "plan.yaml"
-    plan.write_text(PLAN, encoding="utf-8")
+    plan.write_text(PLAN.replace("SN-1", "SN-KILLED"), encoding="utf-8")
     with served_bench(tmp_path, speed=5.0) as (at, _):  # it still runs when it is killed
         command = [sys.executable, "-m", "station", "run", str(plan), "--served", str(at)]
         process = subprocess.Popen(
@@ -208,8 +208,9 @@ def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
         )
         try:
             page.driver.get(served.url)
-            page.wait_for("runs", "running")
-            page.driver.find_element(By.CSS_SELECTOR, "#runs a").click()
+            page.wait_for("runs", "SN-KILLED")
+            page.driver.find_element(By.PARTIAL_LINK_TEXT, "SN-KILLED").click()
+            page.wait_for("sentence", "running")
             plot = "#plot-gyro-acquisition-counts-s"
             page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, plot))
 
