@@ -1,8 +1,8 @@
 """What else may have moved the output: a table of causes, each with the columns it would have.
 
-Each is held against what a solution left, with drift and without, in all rows and in those that the
-solution keeps. Those that explain far more than noise does are solved for beside the coefficients,
-and the information criterion says which it was: an encoder that jumps, drift, or one of these.
+Each is held against what a solution left (`estimation.alternatives`), with drift and without, in
+all rows and in those that the solution keeps; the information criterion then says which it was: an
+encoder that jumps, drift, or one of these.
 """
 
 from __future__ import annotations
@@ -11,10 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc, ndtr
 
+from procedures.estimation.alternatives import (
+    SEARCHED,
+    Alternative,
+    Score,
+    doubt,
+    scores,
+    strongest_line,
+    worth_trying,
+)
 from procedures.estimation.linear import combine
-from procedures.estimation.orthogonal import independent_of, project, solve_by_qr, thin_qr
 from station.findings import Flag
 
 from .dataset import Rows
@@ -22,25 +29,14 @@ from .history import direction, tells_history, warmth
 from .jump import Suspects, small_jumps
 from .model import model_columns
 from .nuisances import ARCSEC_PER_RAD, OFFSET
-from .solved import PLACE, Cause, Solution, Solved
+from .solved import Solution, Solved
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-RARE = 2.0 * float(ndtr(-4.5))
-"""As seldom as this noise may look so much like a cause that it is tried."""
-DOUBTFUL = 2.0 * float(ndtr(-3.0))
-MIN_PART = 1e-2
-"""A column with less of its own takes the place of the coefficients it resembles."""
-DEAR = PLACE + 2
+DEAR = SEARCHED + 2
 DEARLY = {"plane", "encoder"}
 """Planes, angles and gains go with time, and drift and temperature with all of them."""
-MAX_TRIED = 2
-FEWEST_LEFT = 6
-MAX_ROWS = 2000
-"""No line is looked for in a longer record: memory grows with the square."""
-SLOWEST_CYCLES = 4.5
-"""What is slower in the record is drift."""
 WARMING_ROWS = (4.0, 12.0, 36.0)
 """Time constants of a device in a coil, in intervals of the rows."""
 LIKE_HYSTERESIS = Flag(
@@ -52,7 +48,7 @@ LIKE_HYSTERESIS = Flag(
 STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
 
 
-def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list[Cause]:
+def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list[Alternative]:
     """Return the causes that have a shape of their own.
 
     `acceleration_g` (rows, 3), `coefficients` (13,) of a first solution.
@@ -110,7 +106,7 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
         shapes += [("output-step", f"plane {plane}", "V", there)]
         shapes += [("output-step", f"gain of plane {plane}", "V/g", there * i)]
     return [
-        Cause(
+        Alternative(
             code,
             what,
             unit,
@@ -123,110 +119,68 @@ def known_causes(rows: Rows, acceleration_g: Array, coefficients: Array) -> list
 
 
 def causes_to_try(
-    solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]
-) -> list[Cause]:
+    solved: Solved, rows: Rows, suspects: Suspects, known: list[Alternative]
+) -> list[Alternative]:
     """Return the causes that explain more than noise does; none where nothing looks like it.
 
     Drift takes a step's place, so each is looked for with slow terms and without.
     """
-    causes: dict[bytes, Cause] = {}
+    causes: dict[bytes, Alternative] = {}
     kept = solved.solution.kept
     masks = (kept,) if kept.all() else (kept, np.ones_like(kept))
     slow = solved.slow.shape[1]
     still = solved.design[:, : solved.design.shape[1] - slow]
     for columns in (solved.design, still)[: 1 + slow]:
         for inside in masks:
-            rare = [
-                chance
-                for chance in _chances(columns, solved, rows, suspects, known, inside)
-                if chance[0] < RARE
-            ]
-            for _, _, cause in sorted(rare, key=lambda x: x[:2])[:MAX_TRIED]:
+            for cause in worth_trying(_scores(columns, solved, rows, suspects, known, inside)):
                 causes.setdefault(cause.columns.tobytes(), cause)
     return list(causes.values())
 
 
-def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Cause]) -> Solved:
-    """Return a solution whose uncertainties hold a cause that noise may just imitate.
-
-    Of those that are likely it is the one that would change a coefficient most; what it would
-    change counts as one standard uncertainty more.
-    """
-    data, kept, solution = rows.output_V, solved.solution.kept, solved.solution
+def with_doubt(solved: Solved, rows: Rows, suspects: Suspects, known: list[Alternative]) -> Solved:
+    """Return a solution whose uncertainties hold a cause that noise may just imitate."""
+    kept, solution = solved.solution.kept, solved.solution
     if solution.cause is not None or solution.jump is not None:
         return solved
-    chances = _chances(solved.design, solved, rows, suspects, known, kept)
-    places = len(data)
-    likely = [
-        cause
-        for chance, _, cause in chances
-        if chance * (places if cause.places > 1 else 1) < DOUBTFUL
-    ]
-    if not likely:
-        return solved
-    width = solved.design.shape[1]
-    plain = solve_by_qr(solved.design[kept], data[kept]).coefficients
-    units = np.ones(width)
+    units = np.ones(solved.design.shape[1])
     units[[solution.names.index(name) for name in (OFFSET,) if name in solution.names]] = (
         ARCSEC_PER_RAD
     )
-    u = np.sqrt(np.diag(solution.covariance))
-    moves = []
-    for cause in likely:
-        both = np.column_stack((solved.design, cause.columns))[kept]
-        moves.append((solve_by_qr(both, data[kept]).coefficients[:width] - plain) * units)
-    moved = max(moves, key=lambda move: float(np.max(np.abs(move / u))))
+    rated = _scores(solved.design, solved, rows, suspects, known, kept)
+    u = np.sqrt(np.diag(solution.covariance)) / units
+    moved = doubt(solved.design, rows.output_V, kept, rated, u) * units
     covariance = solution.covariance + np.outer(moved, moved)
     return replace(solved, solution=replace(solution, covariance=covariance))
 
 
-def _chances(
+def _scores(
     columns: Array,
     solved: Solved,
     rows: Rows,
     suspects: Suspects,
-    known: list[Cause],
+    known: list[Alternative],
     inside: Mask,
-) -> list[tuple[float, float, Cause]]:
-    """Return each cause with the probability that noise explains so much, and less what it gains.
+) -> list[Score]:
+    """Return the score of each cause against `columns` (rows, k); only rows `inside` count."""
+    input_g = solved.acceleration_g[:, 0]
 
-    `columns` (rows, k) are those that it is held against; only rows `inside` count.
-    """
-    data, free = rows.output_V, int(inside.sum()) - columns.shape[1]
-    if free < FEWEST_LEFT:
-        return []
-    fit = solve_by_qr(columns[inside], data[inside])
-    left = (data - combine(columns, fit.coefficients)) * inside
-    design = columns * inside[:, None]
-    tried = [_explained(cause, design, left, inside) for cause in known]
-    tried += _steps(suspects, design, left, inside, solved.acceleration_g[:, 0], rows.field_T)
-    tried += _lines(rows.time_s, design, left, inside)
-    chances = []
-    for gain, cause in tried:
-        width = cause.columns.shape[1]
-        if width:
-            rest = max(float(left @ left) - gain, 1e-300) / (free - width)
-            chance = float(fdtrc(width, free - width, gain / width / rest))
-            chances.append((chance, -gain, cause))
-    return chances
+    def steps(design: Array, left: Array, inside: Mask) -> list[tuple[float, Alternative]]:
+        return _steps(suspects, design, left, inside, input_g, rows.field_T)
 
+    def lines(design: Array, left: Array, inside: Mask) -> list[tuple[float, Alternative]]:
+        return strongest_line(rows.time_s, design, left, inside, "V")
 
-def _explained(cause: Cause, design: Array, left: Array, inside: Mask) -> tuple[float, Cause]:
-    """Return by how much the squares fall with a cause, and the cause with what is its own."""
-    own = independent_of(design, cause.columns * inside[:, None], MIN_PART)
-    columns = cause.columns[:, list(own)]
-    q = thin_qr(np.column_stack((design, columns * inside[:, None])))[0][:, design.shape[1] :]
-    return float(np.sum(project(q, left) ** 2)), replace(cause, columns=columns)
+    return scores(columns, rows.output_V, inside, known, (steps, lines))
 
 
 def _steps(
     suspects: Suspects, design: Array, left: Array, inside: Mask, input_g: Array, field_T: Array
-) -> list[tuple[float, Cause]]:
+) -> list[tuple[float, Alternative]]:
     """Return the best step of the output and of its gain, each of zero mean over the rows."""
     begins, _ = suspects.kinds(inside)
     steps = []
     shapes = (
-        ("output", "V", np.ones(len(left)), PLACE),
+        ("output", "V", np.ones(len(left)), SEARCHED),
         ("gain", "V/g", input_g, DEAR),
         ("sensitivity", "V/T", field_T, DEAR),
     )
@@ -235,36 +189,13 @@ def _steps(
         row = int(np.argmax(gains))
         after = (np.arange(len(left)) >= row).astype(np.float64)
         columns = (shape * (after - after.mean()))[:, None]
-        steps.append((float(gains[row]), Cause("output-step", what, unit, columns, row, places)))
+        steps.append(
+            (float(gains[row]), Alternative("output-step", what, unit, columns, row, places))
+        )
     return steps
 
 
-def _lines(time_s: Array, design: Array, left: Array, inside: Mask) -> list[tuple[float, Cause]]:
-    """Return the strongest line in what a solution left, none where rows are too few."""
-    count = len(left)
-    spacing_s = float(np.median(np.diff(time_s)))
-    span = float(time_s[-1] - time_s[0]) / spacing_s
-    cycles = np.arange(SLOWEST_CYCLES, 0.5 * span, 0.5) / span
-    if not len(cycles) or spacing_s <= 0.0 or max(count, len(cycles)) > MAX_ROWS:
-        return []
-    phase = 2.0 * np.pi * np.outer((time_s - time_s[0]) / spacing_s, cycles)
-    waves = np.stack((np.cos(phase), np.sin(phase)))
-    q = thin_qr(design)[0]
-    own = waves * inside[:, None]
-    own = own - np.einsum("nk,akc->anc", q, np.einsum("nk,anc->akc", q, own))
-    (cc, ss), cs = np.einsum("anc,anc->ac", own, own), np.einsum("nc,nc->c", *own)
-    cr, sr = np.einsum("anc,n->ac", own, left)
-    determinant = cc * ss - cs**2
-    determined = determinant > (MIN_PART * count) ** 2
-    gains = (ss * cr**2 - 2.0 * cs * cr * sr + cc * sr**2) / np.where(determined, determinant, 1.0)
-    best = int(np.argmax(np.where(determined, gains, 0.0)))
-    if not determined[best]:
-        return []
-    what = f"{spacing_s / cycles[best]:.4g} s"
-    return [(float(gains[best]), Cause("periodic", what, "V", waves[:, :, best].T, None, PLACE))]
-
-
-def cause_flag(solution: Solution, cause: Cause, rows: NDArray[np.int64]) -> Flag:
+def cause_flag(solution: Solution, cause: Alternative, rows: NDArray[np.int64]) -> Flag:
     """Return the flag of what moved the output beside the model; `rows` are those of the dataset.
 
     Its size is the largest change of the output that it makes over the rows.

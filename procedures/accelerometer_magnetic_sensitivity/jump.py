@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.alternatives import SEARCHED
 from procedures.estimation.linear import combine, cross_products
 from procedures.estimation.orthogonal import (
     choose_by_information,
@@ -23,7 +24,7 @@ from procedures.estimation.orthogonal import (
 from .model import Names
 from .nuisances import FEWEST_LEFT, KO, KP
 from .settings import AnalysisSettings
-from .solved import PLACE, Jump, Solved
+from .solved import Jump, Solved
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -207,7 +208,7 @@ def _polish(squares: Callable[[float], float], angle_rad: float) -> tuple[float,
 def may_be_off(solved: Solved, data: Array, suspects: Suspects, settings: AnalysisSettings) -> bool:
     """Return whether a jump might explain what a solution without one left, or its drift."""
     solution = solved.solution
-    if solution.degrees_of_freedom <= PLACE + FEWEST_LEFT:
+    if solution.degrees_of_freedom <= SEARCHED + FEWEST_LEFT:
         return False
     values = dict(zip(solution.names, solution.coefficients, strict=True))
     tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP)) > TILTED * abs(values["Ki"])

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.alternatives import Alternative
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
     choose_by_information,
@@ -24,7 +25,7 @@ from procedures.estimation.sine import legendre_columns
 
 from .dataset import Rows
 from .model import COEFFICIENTS, accelerations_by_angle, model_columns, model_columns_by_angle
-from .solved import JUMP, Cause
+from .solved import JUMP
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -194,7 +195,7 @@ class TurnedModel:
         rows: Rows,
         kept_names: tuple[str, ...],
         off: Mask | None = None,
-        cause: Cause | None = None,
+        cause: Alternative | None = None,
     ) -> None:
         """Take the rows, in which of them the encoder is `off`, and what else moved the output."""
         self.rows = rows

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit
 
+from procedures.estimation.alternatives import Alternative
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
     OrthogonalFit,
@@ -23,7 +24,7 @@ from .jump import Suspects, find_jumps, may_be_off
 from .model import model_columns
 from .nuisances import ARCSEC_PER_RAD, OFFSET, ROUNDS, TurnedModel, chosen, separable, slow_terms
 from .settings import AnalysisSettings
-from .solved import JUMP, Cause, Jump, Solution, Solved, uneven, with_misfit
+from .solved import JUMP, Jump, Solution, Solved, uneven, with_misfit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -94,7 +95,7 @@ def _solve(
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
     jump: Jump | None = None,
-    cause: Cause | None = None,
+    cause: Alternative | None = None,
 ) -> Solved:
     """Solve with the encoder off in the rows of a jump, which begins at the jump's angle.
 

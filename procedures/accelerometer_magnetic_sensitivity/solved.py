@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from procedures.estimation.alternatives import SEARCHED, Alternative
 from procedures.estimation.orthogonal import MAD_TO_SIGMA
 
 from .dataset import AccelerometerDataset, Rows
@@ -16,9 +17,6 @@ from .dataset import AccelerometerDataset, Rows
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 JUMP = "encoder jump"
-PLACE = 3
-"""As many columns as the rows in which the encoder is off count for beside their angle: among so
-many places one always explains something."""
 RARE = 1e-6
 FEWEST_LEFT = 6
 MAX_GROUPS = 500
@@ -27,29 +25,6 @@ UNEVEN_SIGMAS = 5.0
 PARTS = 3
 MAD_VARIANCE = 1.36
 """Times one over the rows: the variance of the logarithm of a median deviation."""
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A cause: the code of its flag, what it is, and the columns (rows, m) that it adds, whose
-    coefficients have the `unit`.
-
-    `row` is where it begins, None where it lasts. `places` is how many columns it counts for
-    beside its own: as many as were tried to find it explain something by themselves.
-    """
-
-    code: str
-    what: str
-    unit: str
-    columns: Array
-    row: int | None = None
-    places: int = 1
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of its terms beside the coefficients."""
-        count = self.columns.shape[1]
-        return tuple(f"{self.code} {n}" if n else self.code for n in range(count))
 
 
 @dataclass(frozen=True)
@@ -94,7 +69,7 @@ class Solution:
     condition: float
     not_separable: tuple[str, ...]
     jump: Jump | None
-    cause: Cause | None = None
+    cause: Alternative | None = None
     shares: Array | None = None
     misfit: Misfit | None = None
     uneven: Uneven | None = None
@@ -114,7 +89,7 @@ class Solution:
     @property
     def price(self) -> int:
         """For how many columns it counts: each row left out is one that it explains."""
-        place = 0 if self.jump is None else PLACE + (JUMP not in self.names)
+        place = 0 if self.jump is None else SEARCHED + (JUMP not in self.names)
         place += 0 if self.cause is None else self.cause.places
         return len(self.names) + place + int(np.sum(~self.kept))
 
