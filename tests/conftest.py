@@ -93,6 +93,13 @@ def state_folder_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Itera
         yield folder
 
 
+@pytest.fixture(autouse=True)
+def no_trip_of_another_test(state_folder_of_the_tests: Path) -> Iterator[None]:
+    """Let a bench that tripped in one test be used in the next: one failure is one failure."""
+    yield
+    shutil.rmtree(state_folder_of_the_tests / "inertial-station" / "tripped", ignore_errors=True)
+
+
 @pytest.fixture(scope="session")
 def one_axis_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished run of one axis, for tests that look at it or change a copy of it."""

@@ -153,7 +153,7 @@ def test_a_resume_on_the_same_clock_is_no_step_backwards(interrupted: Path, tmp_
 def test_a_bench_that_is_served_anew_has_a_younger_clock_and_is_flagged(tmp_path: Path) -> None:
     plan_file = short_plan(tmp_path / "plan", axes=["IA"])
     options = ("--non-interactive", "--json", "--served")
-    with world(tmp_path, 200.0) as served:
+    with world(tmp_path, 60.0) as served:
         command = ("run", str(plan_file), *options, str(served.head))
         process = begun(tmp_path, *command)
         until(lambda: only_run(tmp_path / "runs") is not None)
