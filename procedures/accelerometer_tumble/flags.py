@@ -9,6 +9,7 @@ from scipy.special import fdtri
 
 from procedures.estimation.flags import counted, frozen, not_identifiable, rows_listed, too_stiff
 from procedures.estimation.folding import Terms
+from procedures.estimation.plausibility import GRAVITY_G, OUTPUT_V, Bounds, implausible
 from station.findings import Estimate, Flag, combination_text, contradiction
 
 from .dataset import AnalysisSettings, TumbleDataset
@@ -22,6 +23,17 @@ FEWEST_NEIGHBOURS = 16
 STOPPED_FAR_RAD = np.deg2rad(1.0)
 COARSE_G = 1e-3
 """Residuals of a good model scatter by micro-g; a milli-g is no noise."""
+GRAVITY = Bounds(
+    "local_gravity", "The local gravity", *GRAVITY_G, "g", "Look at its value and its unit."
+)
+OUTPUT = Bounds(
+    "output_V",
+    "The largest output",
+    -OUTPUT_V,
+    OUTPUT_V,
+    "V",
+    "Look whether the column is in mV or another unit.",
+)
 ARCSEC = 3600.0 * 180.0 / np.pi
 
 
@@ -38,6 +50,9 @@ def data_flags(whole: TumbleDataset, screened: Screened) -> list[Flag]:
         details = {"count": screened.thermometer, "instrument": "thermometer"}
         extent = counted(screened.thermometer, "row")
         flags.append(frozen("The temperature", extent, "the thermometer", then, details))
+    flags += implausible(whole.gravity_g, GRAVITY)
+    if len(whole.output_V):
+        flags += implausible(float(whole.output_V[np.argmax(np.abs(whole.output_V))]), OUTPUT)
     off = np.angle(np.exp(1j * (whole.encoder_rad - whole.commanded_rad)))
     if far := np.flatnonzero(np.abs(off) > STOPPED_FAR_RAD).tolist():
         said = (
@@ -79,14 +94,11 @@ def result_flags(
         size = float(np.ptp(solution.slow_V))
         said = f"Drift of {size:.2g} V is solved for: {', '.join(solution.slow_names)}."
         flags.append(Flag("drift-removed", said, None, {"terms": list(solution.slow_names)}))
-    if solution.step_at is not None:
-        at_s = float(dataset.time_s[solution.step_at])
-        said = (
-            f"The output steps by {solution.step_V:.3g} V at {at_s:g} s; the step is solved for, "
-            "and K0 is the mean of both sides. "
-            "Look at the mounting, the supply and the range of the multimeter."
-        )
-        flags.append(Flag("output-step", said, None, {"time_s": at_s, "step_V": solution.step_V}))
+    if (cause := solution.cause) is not None:
+        row = {} if cause.row is None else {"time_s": float(dataset.time_s[cause.row])}
+        if cause.code == "output-step" and cause.unit == "V":
+            row["step_V"] = float(solution.cause_terms[0])
+        flags.append(cause.flag(solution.cause_terms, row))
     if scale < 0.0:
         said = (
             f"The scale factor is negative, {scale:.6g} V/g: look at the leads of the output and "

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
+from procedures.estimation.alternatives import Alternative, Score, doubt, farthest, worth_trying
 from procedures.estimation.orthogonal import (
     choose_by_information,
     independent_of,
+    information,
     keep_inliers,
-    thin_qr,
 )
 from procedures.estimation.sine import legendre_columns
 
+from .causes import alternatives_of, scores_of
 from .dataset import AnalysisSettings, Mask, TumbleDataset
 from .model import COEFFICIENTS, Array
 
@@ -22,10 +24,9 @@ ROUNDS = 8
 OWN_PART = 1e-3
 """A slow term is tried where more than this part of its column is its own."""
 ROWS_A_TERM = 6
-STEP_GAIN = 30.0
-"""What a step must lower -2 ln L by, searched for at every reading."""
-FEWEST_BESIDE_STEP = 3
 SMALLEST_NOISE_V = 1e-12
+MAX_TRIED = 6
+"""Alternatives of one shape: each moves the coefficients by its own amount."""
 MAX_WILD = 0.1
 """More than this part of the readings is not wild: the model does not follow them."""
 ENCODER, MOUNTING = "encoder", "mounting"
@@ -50,7 +51,7 @@ class Solution:
     `covariance` (k, k) is whole; `noise` (k, k) the readings' part of it; `by_prior` (k, m) how
     much each coefficient takes of one standard deviation of each prior. `beside` (m,) are the
     solved encoder harmonics and mountings in rad, `beside_u` their standard deviation under the
-    priors. `step_at` is the reading before which the output steps, by `step_V`.
+    priors. `cause` is what else moved the output, with its coefficients `cause_terms`.
     """
 
     value: Array
@@ -62,12 +63,19 @@ class Solution:
     residual_V: Array
     kept: Mask
     slow_names: tuple[str, ...]
+    slow: Array
     slow_V: Array
     beside: Array
     beside_u: Array
     priors: Beside
-    step_at: int | None = None
-    step_V: float = 0.0
+    cause: Alternative | None
+    cause_terms: Array
+
+    @property
+    def price(self) -> int:
+        """For how many columns it counts: each reading left out is one that it explains."""
+        count = len(self.slow_names) + int(np.sum(~self.kept))
+        return count if self.cause is None else count + len(self.cause_terms) + self.cause.places
 
 
 def beside_model(dataset: TumbleDataset, scale: float) -> Beside:
@@ -105,10 +113,84 @@ def slow_columns(dataset: TumbleDataset, order: int) -> tuple[tuple[str, ...], A
 
 
 def solve(dataset: TumbleDataset, kept: tuple[str, ...], settings: AnalysisSettings) -> Solution:
-    """Solve for the kept coefficients, `k` of them; there must be more readings than that."""
+    """Solve for the kept coefficients, `k` of them; there must be more readings than that.
+
+    What else may have moved the output is solved for where the information criterion asks for it;
+    what noise may just imitate widens the uncertainties.
+    """
     model = dataset.columns[:, [COEFFICIENTS.index(name) for name in kept]]
+    plain = _solve(dataset, model, kept, settings, None)
+    scale = float(plain.value[kept.index("Ki")]) if "Ki" in kept else 0.0
+    known = alternatives_of(dataset, scale)
+    candidates = {
+        cause.columns.tobytes(): cause
+        for inside in {mask.tobytes(): mask for mask in (plain.kept, plain.kept | True)}.values()
+        for with_slow in (True, False)[: 1 + len(plain.slow_names)]
+        for cause in worth_trying(
+            _scores(dataset, model, plain, known, scale, inside, with_slow), MAX_TRIED
+        )
+    }
+    solutions = [
+        plain,
+        *(_solve(dataset, model, kept, settings, cause) for cause in candidates.values()),
+    ]
+    squares = [solution.freedom * solution.sigma_V**2 for solution in solutions]
+    prices = [solution.price for solution in solutions]
+    values = information(squares, prices, len(model))
+    best = solutions[int(np.argmin(values))]
+    u = np.sqrt(np.diag(best.covariance))
+    moved = farthest(values, [solution.value for solution in solutions], u)
+    if best.cause is None:
+        rated = _scores(dataset, model, best, known, scale, best.kept, True)
+        design, data, inside = _known(dataset, model, best, scale, best.kept, True)
+        moved = moved + doubt(design, data, inside, rated, u)
+    added = np.outer(moved, moved)
+    return replace(best, covariance=best.covariance + added, noise=best.noise + added)
+
+
+def _known(
+    dataset: TumbleDataset,
+    model: Array,
+    solution: Solution,
+    scale: float,
+    inside: Mask,
+    with_slow: bool,
+) -> tuple[Array, Array, Mask]:
+    """Return design, output and which rows count, the last ones being the priors."""
+    beside = beside_model(dataset, scale)
+    columns = np.column_stack((model, solution.slow if with_slow else model[:, :0]))
+    design, data = _augmented(
+        columns, beside, dataset.output_V, np.ones_like(inside), solution.sigma_V
+    )
+    counted = np.append(inside, np.ones(len(data) - len(inside), dtype=bool))
+    return design * solution.sigma_V, data * solution.sigma_V, counted
+
+
+def _scores(
+    dataset: TumbleDataset,
+    model: Array,
+    solution: Solution,
+    known: list[Alternative],
+    scale: float,
+    inside: Mask,
+    with_slow: bool,
+) -> list[Score]:
+    system = _known(dataset, model, solution, scale, inside, with_slow)
+    return scores_of(dataset, *system, known, scale)
+
+
+def _solve(
+    dataset: TumbleDataset,
+    model: Array,
+    kept: tuple[str, ...],
+    settings: AnalysisSettings,
+    cause: Alternative | None,
+) -> Solution:
+    """Solve with a cause beside the model, wild readings left out."""
     output = dataset.output_V
     rows, width = model.shape
+    if cause is not None:
+        model = np.column_stack((model, cause.columns))
     order = max(0, min(settings.max_drift_order, (rows - width) // ROWS_A_TERM))
     names, slow = slow_columns(dataset, order)
     names, slow = _taken(names, slow, independent_of(model, slow, OWN_PART))
@@ -123,44 +205,17 @@ def solve(dataset: TumbleDataset, kept: tuple[str, ...], settings: AnalysisSetti
             np.column_stack((full, beside.columns[:, list(own)])), output, settings.outlier
         )
         first = np.linalg.lstsq(full[inside], output[inside], rcond=None)[0]
-    step_at = _step(np.column_stack((full, beside.columns[:, list(own)])), output, inside)
-    if step_at is not None:
-        after = (np.arange(rows) >= step_at).astype(np.float64)
-        after -= after.mean()
-        # A drift explains part of a step: what lies outside is judged with both.
-        inside = keep_inliers(np.column_stack((full, after)), output, settings.outlier)
-        model = np.column_stack((model, after))
     if np.mean(~inside) > MAX_WILD:
         inside = np.ones(rows, dtype=bool)
     chosen = _choose(model, slow, names, beside, output, inside)
     names, slow = _taken(names, slow, chosen)
-    return weighted(model, slow, names, beside, output, inside, width, step_at)
+    return weighted(model, slow, names, beside, output, inside, width, cause)
 
 
 def _taken(
     names: tuple[str, ...], columns: Array, indices: tuple[int, ...]
 ) -> tuple[tuple[str, ...], Array]:
     return tuple(names[n] for n in indices), columns[:, list(indices)]
-
-
-def _step(design: Array, output: Array, inside: Mask) -> int | None:
-    """Return the reading before which a step explains most, None where noise explains it."""
-    rows = np.flatnonzero(inside)
-    if len(rows) < design.shape[1] + 2 * FEWEST_BESIDE_STEP + 1:
-        return None
-    basis = thin_qr(design[rows] / np.linalg.norm(design[rows], axis=0))[0]
-    left = output[rows] - basis @ (basis.T @ output[rows])
-    after = np.tri(len(rows))[:, FEWEST_BESIDE_STEP : len(rows) - FEWEST_BESIDE_STEP + 1]
-    own = after - basis @ (basis.T @ after)
-    size = np.einsum("ij,ij->j", own, own)
-    gain = (left @ after) ** 2 / np.where(size > OWN_PART, size, np.inf)
-    best = int(np.argmax(gain))
-    whole = float(left @ left)
-    free = len(rows) - design.shape[1] - 2
-    rest = max(whole - float(gain[best]), SMALLEST_NOISE_V**2)
-    if free < 1 or free * np.log(max(whole, SMALLEST_NOISE_V**2) / rest) < STEP_GAIN:
-        return None
-    return int(rows[best + FEWEST_BESIDE_STEP])
 
 
 def _choose(
@@ -217,7 +272,7 @@ def weighted(
     output: Array,
     inside: Mask,
     width: int,
-    step_at: int | None,
+    cause: Alternative | None,
 ) -> Solution:
     """Solve with the priors, the noise from the residuals; the first `width` are coefficients."""
     design = np.column_stack((model, slow))
@@ -256,10 +311,11 @@ def weighted(
         residual_V=residual,
         kept=inside,
         slow_names=names,
+        slow=slow,
         slow_V=slow @ value[model.shape[1] : count],
         beside=value[count:],
         beside_u=np.sqrt(seen),
         priors=beside,
-        step_at=step_at,
-        step_V=float(value[width]) if step_at is not None else 0.0,
+        cause=cause,
+        cause_terms=value[width : model.shape[1]],
     )

@@ -227,20 +227,33 @@ def _carried(design: Array, kept: Mask) -> bool:
 def choose_by_information(
     sums_of_squares: Sequence[float], columns: Sequence[int], rows: int, charge: float = CHARGE
 ) -> int:
-    """Return the index of the model with the best information criterion.
+    """Return the index of the model with the best information criterion, the first of equal ones.
+
+    0 where no model leaves degrees of freedom.
+    """
+    best, best_value = 0, np.inf
+    for index, value in enumerate(information(sums_of_squares, columns, rows, charge)):
+        if value < best_value - 1e-9:
+            best, best_value = index, value
+    return best
+
+
+def information(
+    sums_of_squares: Sequence[float], columns: Sequence[int], rows: int, charge: float = CHARGE
+) -> list[float]:
+    """Return the information criterion of each model, infinite without degrees of freedom.
 
     The Bayesian criterion, rows ln(SS / rows) + columns ln(rows), its charge per column raised by
     `charge` and by rows over the degrees of freedom left, so that few rows are not explained by
     many columns.
     """
     smallest = np.finfo(np.float64).tiny
-    best, best_value = 0, np.inf
-    for index, (square, count) in enumerate(zip(sums_of_squares, columns, strict=True)):
+    values = []
+    for square, count in zip(sums_of_squares, columns, strict=True):
         free = rows - count - 2
-        if free < 1:
-            continue
-        value = rows * np.log(max(square, smallest) / rows)
-        value += charge * (count - min(columns)) * np.log(rows) * rows / free
-        if value < best_value - 1e-9:
-            best, best_value = index, value
-    return best
+        value = np.inf
+        if free >= 1:
+            value = rows * np.log(max(square, smallest) / rows)
+            value += charge * (count - min(columns)) * np.log(rows) * rows / free
+        values.append(float(value))
+    return values
