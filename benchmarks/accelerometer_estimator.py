@@ -14,7 +14,9 @@ that are missing or wild are the estimator's loss, not the bound's.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 from accelerometer_records import INTERVAL_S, NOISE_V, SIX_FIELDS_T, TRUTH, axes_g, output_V
-from cases import print_cases
+from cases import Trial, Trials, of_estimates, print_cases
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.dataset import AccelerometerDataset
@@ -221,6 +223,32 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         "flags": flags,
         "coefficients": rows,
     }
+
+
+@cache
+def limits(case: Case) -> tuple[Mapping[str, Mapping[str, float]], dict[str, float]]:
+    """Return the terms and the bound of each kept coefficient."""
+    judged = judge(*case.points())
+    return judged.terms, dict(zip(judged.kept, bound(case, judged.kept), strict=True))
+
+
+def trial(case: Case, seed: int) -> Trial:
+    """Analyse one record of a case."""
+    dataset, means = recorded(case, seed)
+    analysis = analyse(dataset)
+    terms, limit = limits(case)
+    true = {**TRUTH, **means}
+    truth: dict[tuple[str, str | None], float] = {
+        (name, None): sum(share * true[part] for part, share in terms[name].items())
+        for name in limit
+    }
+    results = of_estimates(analysis.estimates, truth, limit)
+    return Trial(results, frozenset(flag.code for flag in analysis.flags))
+
+
+def trials() -> Trials:
+    """Return what analyses a record of each case."""
+    return {case.name: partial(trial, case) for case in CASES}
 
 
 def main() -> None:

@@ -10,16 +10,42 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from cases import Trial, Trials, of_estimates
 from figures import Figures
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from bias_records import CASES, errors_in_u
+from bias_records import CASES, Gyro, errors_in_u, record, truths
+
+from procedures.gyro_bias_temperature.analysis import analyse
 
 COVERAGE_FACTOR = 1.96
+
+
+def trial(gyro: Gyro, seed: int) -> Trial:
+    """Analyse one record; no bound is known."""
+    dataset = record(gyro, seed)
+    analysis = analyse(dataset)
+    truth: dict[tuple[str, str | None], float] = {
+        (name, "IA"): value
+        for name, value in truths(gyro, dataset).items()
+        if gyro.thermometer or not name.endswith("_lag")
+    }
+    codes = frozenset(flag.code for flag in analysis.flags)
+    return Trial(of_estimates(analysis.estimates, truth), codes)
+
+
+def trials() -> Trials:
+    """Return what analyses a record of each case, by the gyro's thermometer and without it."""
+    return {name: partial(trial, gyro) for name, gyro in CASES.items()} | {
+        f"{name}, the chamber's thermometer alone": partial(trial, replace(gyro, thermometer=False))
+        for name, gyro in CASES.items()
+    }
 
 
 def main() -> None:

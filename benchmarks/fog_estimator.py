@@ -17,6 +17,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 # Matrices of a hundred rows gain nothing from threads.
@@ -29,7 +30,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from cases import print_cases
+from cases import Scored, Trial, Trials, print_cases
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
 from procedures.fog_scale_factor_temperature.curve import Band
@@ -272,6 +273,45 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         "published_rmse_over_bound": ratio(np.sum(published**2, axis=1) / points),
         "published_largest_error_ppm": round(float(np.abs(published).max(axis=1).mean()), 2),
     }
+
+
+@cache
+def common_to(case: Case) -> tuple[Array, Array, Array]:
+    """Return the temperatures of the turns, the 21 that the curve is held at, the bound there."""
+    heat = schedule(case)[3]
+    grid = np.linspace(float(heat.min()) + 0.05, float(heat.max()) - 0.05, 21)
+    return heat, grid, bound_ppm(case, np.ones(len(heat), dtype=bool), grid)
+
+
+def trial(case: Case, seed: int) -> Trial:
+    """Analyse one log; the curve's errors in ppm at 21 temperatures, beyond its ends NaN.
+
+    Of turns of one sense the gyro's bias is left out of errors and bound, in u it stays.
+    """
+    heat, grid, share = common_to(case)
+    dataset, there, wild, bias = record(case, seed)
+    analysis = analyse(dataset)
+    codes = frozenset(flag.code for flag in analysis.flags)
+    curve = analysis.fits["x"].curve
+    if curve is None:
+        nothing = np.full(len(grid), np.nan)
+        return Trial({"curve": Scored(nothing, nothing, nothing > 0.0, share)}, codes)
+    shift = bias * TURN_S / 3600.0 / 360.0 * 1e6 if len(set(case.turns)) == 1 else 0.0
+    error = curve.error_ppm(grid) - delta_ppm(case, grid)
+    reach = Band(curve, dataset.gyro_bias_deg_per_h or 0.0).expanded_ppm(grid)
+    low, high = curve.domain_degC
+    good = np.isin(np.round(heat, 9), np.round(there[~wild], 9))
+    limit = share if bool(good.all()) else bound_ppm(case, good, grid)
+    within = (grid >= low) & (grid <= high)
+    of_curve = Scored(
+        np.where(within, error - shift, np.nan), reach / 1.96, np.abs(error) <= reach, limit
+    )
+    return Trial({"curve": of_curve}, codes)
+
+
+def trials() -> Trials:
+    """Return what analyses a log of each case."""
+    return {case.name: partial(trial, case) for case in CASES}
 
 
 def main() -> None:

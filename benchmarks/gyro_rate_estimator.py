@@ -11,16 +11,43 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from cases import Trial, Trials, of_estimates
 from figures import Figures
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from rate_records import CASES, bounds, trials
+import rate_records
+from rate_records import CASES, Gyro, bounds, made
+
+from procedures.gyro_rate_table.analysis import analyse
 
 PPM = 1e6
+
+
+known_bounds = cache(bounds)
+
+
+def trial(gyro: Gyro, seed: int) -> Trial:
+    """Analyse the records of one gyro."""
+    case = made(np.random.default_rng((seed, 1)), gyro)
+    analysis = analyse(case.dataset)
+    truth: dict[tuple[str, str | None], float] = {
+        (name, "IA"): value for name, value in case.truth.items()
+    }
+    limit = dict(known_bounds(gyro)) if gyro.repeats == 1 else {}
+    if limit:
+        limit["scale_factor"] /= PPM
+    codes = frozenset(flag.code for flag in analysis.flags)
+    return Trial(of_estimates(analysis.estimates, truth, limit), codes)
+
+
+def trials() -> Trials:
+    """Return what analyses the records of each case."""
+    return {name: partial(trial, gyro) for name, gyro in CASES.items()}
 
 
 def main() -> None:
@@ -30,7 +57,7 @@ def main() -> None:
     figures = Figures(options)
     given = figures.parse()
     for case in given.case or CASES:
-        found = trials(CASES[case], given.runs)
+        found = rate_records.trials(CASES[case], given.runs)
         bound = bounds(CASES[case]) if CASES[case].repeats == 1 else {}
         line: dict[str, object] = {"runs": given.runs}
         for name, one in found.items():

@@ -11,16 +11,97 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from cases import Scored, Trial, Trials, of_estimates, scored
 from figures import Figures
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from static_records import DEVICES, bound_of_squares, measured_squares
+from static_records import DEVICES, bound_of_squares, measured_squares, records, true_squares
+
+from procedures.estimation.rate_spectrum import covariances
+from procedures.gyro_static_noise.analysis import analyse
+from procedures.gyro_static_noise.dataset import PER_SQRT_H
+from station.findings import Estimate
 
 NAMES = ("Q", "N", "B", "K", "R")
+
+
+SQUARES = {
+    "quantisation_noise": 1.0,
+    "angle_random_walk": PER_SQRT_H**2,
+    "bias_instability": 1.0,
+    "rate_random_walk": PER_SQRT_H**-2,
+}
+"""The squares that have a bound, and what the square of a result is multiplied by."""
+BIAS_DEG_PER_H = 0.35
+LONG, SHORT = (14_400,), (7200, *[900] * 6)
+STABILITY_S = 10.0
+
+bound_of = cache(lambda device, count: bound_of_squares(DEVICES[device], count))
+
+
+def stability_deg_per_h(device: dict[str, float], count: int, ramp_deg_per_h2: float) -> float:
+    """Return the expected standard deviation of a record's 10 s means, its ramp among them."""
+    means = int(count // STABILITY_S)
+    lags = np.arange(means)
+    pairs = np.where(lags == 0, means, 2.0 * (means - lags))
+    own = covariances(means, STABILITY_S)
+    square = (own[:, 0] - own @ pairs / means**2) * means / (means - 1)
+    hours = STABILITY_S * lags / 3600.0
+    return float(np.sqrt(true_squares(device) @ square + ramp_deg_per_h2**2 * np.var(hours)))
+
+
+def square_of(one: Estimate, name: str, truth: float, limit: float | None) -> Scored:
+    """Return the square of a coefficient, its u and interval as the coefficient's."""
+    factor = SQUARES[name]
+    if one.value is None or one.standard_uncertainty is None:
+        return scored(np.nan, np.nan, bound=limit)
+    error = factor * one.value**2 - truth
+    u = factor * ((one.value + one.standard_uncertainty) ** 2 - one.value**2)
+    low, high = one.extra["interval"]
+    inside = factor * low**2 <= truth <= factor * high**2
+    bound = None if limit is None else np.array([limit])
+    return Scored(np.array([error]), np.array([u]), np.array([inside]), bound)
+
+
+def trial(device: str, counts: Sequence[int], seed: int) -> Trial:
+    """Analyse switch-ons of a device with a ramp of ten u; bounds are those of one switch-on.
+
+    The repeatability is that of these switch-ons, slow noise in it; it is known without a counter.
+    """
+    gyro, lone = DEVICES[device], len(counts) == 1
+    limits = bound_of(device, counts[0]) if lone else np.full(5, np.nan)
+    ramp = 10.0 * float(bound_of(device, counts[0])[4])
+    made = partial(records, counts=counts, ramp_deg_per_h2=ramp, bias_deg_per_h=BIAS_DEG_PER_H)
+    first = np.random.default_rng((seed, 1)).standard_normal()
+    analysis = analyse(made(np.random.default_rng((seed, 1)), gyro))
+    truth: dict[tuple[str, str | None], float] = {
+        ("rate_ramp", "IA"): ramp,
+        ("bias", "IA"): BIAS_DEG_PER_H + (gyro["switch_on"] * first if lone else 0.0),
+        ("bias_stability", "IA"): stability_deg_per_h(gyro, counts[0], ramp),
+    }
+    if not lone and not gyro["pulse"]:
+        slow = made(np.random.default_rng((seed, 1)), {**gyro, "N": 0.0, "Q": 0.0})
+        means = [float(one.rate_deg_per_h.mean()) for one in slow.records]
+        truth["bias_repeatability", "IA"] = float(np.std(means, ddof=1))
+    results = of_estimates(analysis.estimates, truth, {"rate_ramp": limits[4]} if lone else {})
+    estimates = {one.name: one for one in analysis.estimates}
+    squares = zip(SQUARES, true_squares(gyro), limits[:4], strict=True)
+    for name, square, limit in squares:
+        results[name] = square_of(estimates[name], name, square, float(limit) if lone else None)
+    return Trial(results, frozenset(flag.code for flag in analysis.flags))
+
+
+def trials() -> Trials:
+    """Return what analyses the switch-ons of each device: one of 4 h, one of 2 h and six short."""
+    return {name: partial(trial, name, LONG) for name in DEVICES} | {
+        f"{name}, seven switch-ons": partial(trial, name, SHORT) for name in DEVICES
+    }
 
 
 def main() -> None:

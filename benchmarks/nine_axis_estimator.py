@@ -16,7 +16,9 @@ scale factors truly differ.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +29,11 @@ from scipy.special import stdtrit
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from cases import print_cases
+from cases import Scored, Trial, Trials, of_estimates, print_cases, scored
 from nine_axis_records import ARCMIN, LATITUDE_DEG, PRIOR, RATES, STANDS
+from nine_axis_stands import FACES, Bench, truth_of
 
+from procedures.nine_axis_calibration.all_axes.results import results_of
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.dataset import (
     NineAxisDataset,
@@ -281,6 +285,63 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         else None,
         "flags": flags,
     }
+
+
+known_bounds = cache(bounds)
+
+
+def trial(case: Case, seed: int) -> Trial:
+    """Analyse one dataset of the published form."""
+    limit = known_bounds(case)
+    dataset, truth = simulate(case, seed)
+    analysis = analyse(dataset, allan=False)
+    cross = [truth.cross["XYZ".index(one[0]), "XYZ".index(one[1])] for one in PAIRS]
+    values_of = (truth.bias, truth.scale, truth.asymmetry, np.array(cross))
+    true = dict(zip(limit, values_of, strict=True))
+    results: dict[str, Scored] = {}
+    for name, values in true.items():
+        axes = PAIRS if len(values) == len(PAIRS) else "XYZ"
+        rows: list[tuple[float, float, float]] = []
+        for along, value in zip(axes, values, strict=True):
+            one = analysis.estimate(name, along)
+            if one.value is None or one.standard_uncertainty is None:
+                rows.append((np.nan, np.nan, np.inf))
+                continue
+            u = one.standard_uncertainty
+            if name == "bias" and analysis.bias is not None:
+                u = float(np.hypot(u, np.linalg.norm(list(one.sensitivities.values()))))
+            error = one.value * UNIT[name] - value
+            rows.append((error, u * UNIT[name], one.degrees_of_freedom or np.inf))
+        error_of, u_of, freedom = np.transpose(rows)
+        results[name] = scored(error_of, u_of, freedom, limit[name])
+    return Trial(results, frozenset(flag.code for flag in analysis.flags))
+
+
+ALL_AXES: Mapping[str, Mapping[str, Any]] = {
+    "all axes, faces and edges": {},
+    "all axes, turned upside down too": {"turned": ("X", "Y", "Z", "-Z")},
+    "all axes, faces alone, no field": {"poses": FACES, "field_at_poses": False},
+    "all axes, put by hand to 3 arcmin": {"tilt_arcmin": 3.0},
+}
+
+
+def trial_of_all_axes(setting: Mapping[str, Any], seed: int) -> Trial:
+    """Analyse stands and turns of all nine axes; no bound is known, u is each result's own."""
+    bench = Bench(seed, **setting)
+    if not bench.field_at_poses:  # the faces alone say nothing of the second order
+        bench.sensor = replace(bench.sensor, second=np.zeros(3))
+    analysis = results_of(bench.data())
+    estimates = (*analysis.estimates, *analysis.misalignment)
+    truth: dict[tuple[str, str | None], float] = {}
+    truth.update({(name, axis): one for (name, axis), one in truth_of(bench.sensor).items()})
+    results = of_estimates(estimates, truth)
+    return Trial(results, frozenset(flag.code for flag in analysis.flags))
+
+
+def trials() -> Trials:
+    """Return what analyses a dataset of each case, those of all nine axes last."""
+    published = {case.name: partial(trial, case) for case in CASES}
+    return published | {name: partial(trial_of_all_axes, one) for name, one in ALL_AXES.items()}
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 # Matrices of a hundred rows gain nothing from threads.
@@ -27,7 +28,7 @@ from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from cases import print_cases
+from cases import Trial, Trials, of_estimates, print_cases
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset, Segment
@@ -211,6 +212,19 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         "on_off_rmse_over_bound": round(half, 3),
         "on_off_standard_error": round(half_error, 3),
     }
+
+
+def trial(case: Case, seed: int) -> Trial:
+    """Analyse one record of a case."""
+    analysis = analyse(RlgDataset((recorded(case, seed),)))
+    truth = {("magnetic_sensitivity", analysis.estimates[0].axis): case.sensitivity}
+    results = of_estimates(analysis.estimates, truth, {"magnetic_sensitivity": case.bound})
+    return Trial(results, frozenset(flag.code for flag in analysis.flags))
+
+
+def trials() -> Trials:
+    """Return what analyses a record of each case."""
+    return {case.name: partial(trial, case) for case in CASES}
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ import json
 import sys
 import time
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ from scipy.special import stdtrit
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from cases import print_cases
+from cases import Trial, Trials, print_cases, scored
 from serf_shots import FOUR, Cell, bound_of_frequency
 
 from procedures.serf_nonorthogonality.analysis import analyse
@@ -160,6 +161,33 @@ def measure(case: Case, runs: int) -> dict[str, object]:
         "printed_formula_bias": rounded((np.nanmean(paper, axis=0) - truth) * ARCSEC_PER_DEG, 0),
         "flags": flags,
     }
+
+
+known_bound_arcsec, known_clean_V = cache(bound_arcsec), cache(Cell.clean_V)
+
+
+def trial(case: Case, seed: int) -> Trial:
+    """Analyse the shots of one cell; u holds the type B inputs of an import."""
+    dataset = case.cell.dataset(1000 * CASES.index(case) + seed, known_clean_V(case.cell))
+    analysis = analyse(dataset)
+    estimates = analysis.estimates[:3]
+    combined = combine(estimates, list(common_inputs(dataset)))
+    errors, units, freedom = np.full((3, 3), np.nan)
+    for k, (one, whole) in enumerate(zip(estimates, combined, strict=True)):
+        if one.value is not None and whole is not None:
+            errors[k] = (one.value - case.cell.angles_deg[k]) * ARCSEC_PER_DEG
+            units[k], freedom[k] = (
+                ARCSEC_PER_DEG * whole.standard_uncertainty,
+                whole.degrees_of_freedom,
+            )
+    angles = scored(errors, units, freedom, known_bound_arcsec(case.cell))
+    codes = frozenset(flag.code for flag in analysis.flags)
+    return Trial({"nonorthogonality_angle": angles}, codes)
+
+
+def trials() -> Trials:
+    """Return what analyses the shots of each case."""
+    return {case.name: partial(trial, case) for case in CASES}
 
 
 def rounded(values: Array, digits: int) -> list[float]:

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from cases import Trial, Trials, scored
 from figures import Figures
 from scipy.special import stdtrit
 
@@ -92,6 +94,30 @@ def run(stage: Stage, slow: tuple[str, ...], sets: int) -> tuple[Array, ...]:
     ratio = np.sqrt(np.mean(np.square(errors), axis=0)) / limits
     other = np.sqrt(np.mean(np.square(formulas), axis=0)) / limits
     return ratio, np.mean(covered, axis=0), other
+
+
+def trial(stage: Stage, slow: tuple[str, ...], seed: int) -> Trial:
+    """Analyse the readings of one test; u holds encoder and mountings as stated."""
+    dataset = made(np.random.default_rng((seed, 1)), stage)
+    analysis = analyse(dataset)
+    kept = tuple(analysis.terms)
+    limits, results = bound(dataset, kept, stage, slow), {}
+    for name, limit in zip(kept, limits, strict=True):
+        one = analysis.estimate(name)
+        if one.value is None or one.standard_uncertainty is None:
+            results[name] = scored(np.nan, np.nan, bound=limit)
+            continue
+        truth = sum(share * QUARTZ.get(part, 0.0) for part, share in analysis.terms[name].items())
+        stated = [one.sensitivities[kind] for kind in (ENCODER, MOUNTING)]
+        u = float(np.hypot(one.standard_uncertainty, np.linalg.norm(stated)))
+        freedom = (one.degrees_of_freedom or np.inf) * (u / one.standard_uncertainty) ** 4
+        results[name] = scored(one.value - truth, u, freedom, limit)
+    return Trial(results, frozenset(flag.code for flag in analysis.flags))
+
+
+def trials() -> Trials:
+    """Return what analyses the readings of each case."""
+    return {name: partial(trial, *case) for name, case in CASES.items()}
 
 
 def main() -> None:

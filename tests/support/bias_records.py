@@ -105,18 +105,28 @@ def record(gyro: Gyro, seed: int) -> TemperatureDataset:
 
 
 def truths(gyro: Gyro, dataset: TemperatureDataset) -> dict[str, float]:
-    """Return the true results of a gyro in a record."""
+    """Return the true results of a gyro in a record, by the chamber's thermometer without its own.
+
+    The lags are those of the gyro's thermometer.
+    """
+    ahead = 0.0 if gyro.thermometer else gyro.warmer
+
+    def bias(read: Array | float) -> Array:
+        return gyro.bias(read + ahead)
+
     low, high = np.ptp(dataset.temperature_degC), dataset.temperature_degC
     middle, half = 0.5 * (high.min() + high.max()), 0.45 * float(low)
     inner = np.linspace(middle - half, middle + half, 2001)
-    slopes = np.abs(np.gradient(gyro.bias(inner), inner))
+    slopes = np.abs(np.gradient(bias(inner), inner))
     at = gyro.reference_degC
-    ends = np.array([target + gyro.warmer for target in (23.0, *(to for to, _ in gyro.steps))])
+    ends = np.array(
+        [target + gyro.warmer - ahead for target in (23.0, *(to for to, _ in gyro.steps))]
+    )
     ends = ends[np.abs(ends - at) >= 5.0]
     return {
-        "bias": float(gyro.bias(at)),
+        "bias": float(bias(at)),
         "bias_temperature_sensitivity": float(
-            np.max(np.abs(gyro.bias(ends) - gyro.bias(at)) / np.abs(ends - at))
+            np.max(np.abs(bias(ends) - bias(at)) / np.abs(ends - at))
         ),
         "largest_bias_slope": float(slopes.max()),
         "bias_rate_sensitivity": gyro.rate_sensitivity,

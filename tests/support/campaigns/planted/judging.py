@@ -410,10 +410,10 @@ def false_alarms(procedure: str, sample: Sample) -> tuple[frozenset[str], float]
     return seen.codes - usual_flags(procedure), seen.error_u
 
 
-def clean_runs(procedure: str, count: int) -> Iterator[dict[str, Any]]:
-    """Analyse datasets without a fault; each kind of dataset in turn."""
+def clean_runs(procedure: str, count: int, first: int = 1000) -> Iterator[dict[str, Any]]:
+    """Analyse datasets without a fault, seeds from `first` on; each kind of dataset in turn."""
     makers = clean_makers(procedure)
-    for seed in range(1000, 1000 + count):
+    for seed in range(first, first + count):
         false, error = false_alarms(procedure, makers[seed % len(makers)](seed))
         yield {
             "benchmark": "sabotage",
