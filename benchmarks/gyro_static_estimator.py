@@ -21,9 +21,15 @@ from figures import Figures
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
-from static_records import DEVICES, bound_of_squares, measured_squares, records, true_squares
+from static_records import (
+    DEVICES,
+    bound_of_squares,
+    measured_squares,
+    records,
+    stability_deg_per_h,
+    true_squares,
+)
 
-from procedures.estimation.rate_spectrum import covariances
 from procedures.gyro_static_noise.analysis import analyse
 from procedures.gyro_static_noise.dataset import PER_SQRT_H
 from station.findings import Estimate
@@ -40,20 +46,8 @@ SQUARES = {
 """The squares that have a bound, and what the square of a result is multiplied by."""
 BIAS_DEG_PER_H = 0.35
 LONG, SHORT = (14_400,), (7200, *[900] * 6)
-STABILITY_S = 10.0
 
 bound_of = cache(lambda device, count: bound_of_squares(DEVICES[device], count))
-
-
-def stability_deg_per_h(device: dict[str, float], count: int, ramp_deg_per_h2: float) -> float:
-    """Return the expected standard deviation of a record's 10 s means, its ramp among them."""
-    means = int(count // STABILITY_S)
-    lags = np.arange(means)
-    pairs = np.where(lags == 0, means, 2.0 * (means - lags))
-    own = covariances(means, STABILITY_S)
-    square = (own[:, 0] - own @ pairs / means**2) * means / (means - 1)
-    hours = STABILITY_S * lags / 3600.0
-    return float(np.sqrt(true_squares(device) @ square + ramp_deg_per_h2**2 * np.var(hours)))
 
 
 def square_of(one: Estimate, name: str, truth: float, limit: float | None) -> Scored:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.direction import Direction
-from procedures.estimation.rate_spectrum import coefficients, noise_variances
+from procedures.estimation.rate_spectrum import coefficients, covariances, noise_variances
 from procedures.estimation.reml import Stretch, components_at
 from procedures.gyro_static_noise.analysis import analyse
 from procedures.gyro_static_noise.dataset import PER_SQRT_H, Record, StaticDataset
@@ -26,6 +26,7 @@ DEVICES = {
 """Q arcsec, N deg/sqrt(h), B deg/h, K deg/h/sqrt(h), pulse arcsec, switch-on deg/h."""
 UP = Direction(0.0, np.pi / 2.0)
 LATITUDE_RAD = float(np.deg2rad(39.9))
+STABILITY_S = 10.0
 LONGER = 4
 """How much longer flicker is made than it is used."""
 
@@ -131,3 +132,14 @@ def bound_of_squares(device: dict[str, float], count: int, t0: float = 1.0) -> A
     stretch = Stretch(np.zeros(count - 1), parts, rest, ramp)
     at = components_at([stretch], theta)
     return np.array([*at.u, float(np.sqrt(at.solved[0].covariance[0, 0]))])
+
+
+def stability_deg_per_h(device: dict[str, float], count: int, ramp_deg_per_h2: float) -> float:
+    """Return the expected standard deviation of a record's 10 s means, its ramp among them."""
+    means = int(count // STABILITY_S)
+    lags = np.arange(means)
+    pairs = np.where(lags == 0, means, 2.0 * (means - lags))
+    own = covariances(means, STABILITY_S)
+    square = (own[:, 0] - own @ pairs / means**2) * means / (means - 1)
+    hours = STABILITY_S * lags / 3600.0
+    return float(np.sqrt(true_squares(device) @ square + ramp_deg_per_h2**2 * np.var(hours)))

@@ -1,5 +1,5 @@
 """Faults planted in datasets of every procedure, and what each must end in.
 
 A module for each procedure: `CLEAN` makes its datasets, `ROWS` are the faults whose flags or
-refusals are known, `FAULTS`, of five procedures, all that `benchmarks/sabotage.py` plants.
+refusals are known, `FAULTS` all that `benchmarks/sabotage.py` plants.
 """

@@ -48,13 +48,14 @@ FOUND_ABOVE = 4.65
 class Seen:
     """What an analysis says: flags as the contract writes them, the largest error of a result.
 
-    The error is in standard uncertainties; `valued` are the results with a value, as `name` and
-    as `name/axis`.
+    The error is in standard uncertainties, `worst` the result that has it; `valued` are the results
+    with a value, as `name` and as `name/axis`.
     """
 
     flags: Sequence[Mapping[str, Any]]
     error_u: float
     valued: frozenset[str] = frozenset()
+    worst: str = ""
 
     @property
     def codes(self) -> frozenset[str]:
@@ -90,7 +91,8 @@ class Made:
     def seen(self) -> Seen:
         """Analyse the folder."""
         document = analysed(self)
-        return seen_of(document, error_u(self, document["results"]))
+        worst, error_u = worst_of(self, document["results"])
+        return replace(seen_of(document, error_u), worst=worst)
 
 
 @dataclass(frozen=True)
@@ -148,8 +150,8 @@ class Fault:
     """A fault planted in a dataset that is written as a folder.
 
     `clean` and `planted` make the same dataset of a seed, without and with it. `flags` are the
-    codes of which any names its cause. `detectable` says so where rows differ and nothing can be
-    compared.
+    codes of which any names its cause; where `usual` are given, the codes that a clean dataset may
+    raise, any other one does. `detectable` says so where rows differ and nothing can be compared.
     """
 
     name: str
@@ -158,6 +160,11 @@ class Fault:
     planted: Callable[[int], Made]
     detectable: bool | None = None
     details: Mapping[str, Any] = field(default_factory=dict)
+    usual: frozenset[str] | None = None
+
+    def named_by(self, codes: frozenset[str]) -> bool:
+        """Whether any of the codes names its cause."""
+        return bool(self.flags & codes if self.usual is None else codes - self.usual)
 
 
 @dataclass(frozen=True)
@@ -285,16 +292,18 @@ def names_of(results: Iterable[tuple[str, str | None]]) -> frozenset[str]:
     return frozenset(text for name, axis in results for text in (name, f"{name}/{axis}"))
 
 
-def error_u(made: Made, results: Sequence[Mapping[str, Any]]) -> float:
-    """Return the largest error of a result in its standard uncertainties, 0 where none is given."""
-    worst = 0.0 if made.further_error_u is None else made.further_error_u(results)
+def worst_of(made: Made, results: Sequence[Mapping[str, Any]]) -> tuple[str, float]:
+    """Return the result with the largest error and it in standard uncertainties, 0 of none."""
+    name, worst = "", 0.0 if made.further_error_u is None else made.further_error_u(results)
     for one in results:
         key = (one["name"], one.get("axis"), one.get("at"))
         if one["value"] is None or key not in made.truth:
             continue
         off, u = abs(one["value"] - made.truth[key]), one["standard_uncertainty"]
-        worst = max(worst, off / u if u else float("inf") if off else 0.0)
-    return worst
+        error = float(off / u) if u else float("inf") if off else 0.0
+        if error > worst:
+            name, worst = "/".join(filter(None, key)), error
+    return name, worst
 
 
 def deviates(clean: Made, planted: Made) -> float:
@@ -313,25 +322,28 @@ def judged(fault: Fault, seed: int) -> dict[str, Any]:
     """Plant a fault of a long table and return what followed.
 
     `error_u` is the largest error of a result, `shown` whether the data can show the fault: a test
-    that knows its cause detects it in 99 % of such data and the error is above 4 u. `broken` is a
-    fault that the data can show and that no flag names.
+    that knows its cause detects it in 99 % of such data and the error is above 4 u. `silent` is an
+    error above 4 u that no flag names, `broken` one of a fault that the data can show, or a refusal
+    that is no sentence of ours.
     """
     clean, planted = fault.clean(seed), fault.planted(seed)
     seen = planted.seen()
     strength = None if fault.detectable is not None else deviates(clean, planted)
     detectable = fault.detectable if strength is None else strength > FOUND_ABOVE
-    named = bool(fault.flags & seen.codes)
+    named = fault.named_by(seen.codes)
     shown = bool(detectable) and seen.error_u > SILENT_ABOVE_U
     return {
         "benchmark": "sabotage",
         "fault": fault.name,
         "seed": seed,
         "error_u": round(seen.error_u, 2),
+        "worst": seen.worst,
         "deviates": None if strength is None else round(strength, 1),
         "shown": shown,
         "named": named,
         "flags": sorted(seen.codes),
-        "broken": shown and not named,
+        "silent": seen.error_u > SILENT_ABOVE_U and not named,
+        "broken": (shown and not named) or not in_words(seen.flags),
         **fault.details,
     }
 
@@ -380,15 +392,20 @@ def broken(row: Row, seed: int) -> list[str]:
     failures += [
         f"nothing says '{text}'" for text in row.says if not any(text in m for m in messages)
     ]
-    if REFUSED in row.codes:
-        lines = (line for text in messages for line in text.splitlines())
-        failures += [f"'{line}' is no sentence" for line in lines if not SENTENCE.fullmatch(line)]
+    if REFUSED in row.codes and not in_words(flags):
+        failures.append(f"{messages} is no sentence")
     if row.below_u is not None and not (0.0 < seen.error_u < row.below_u or not seen.valued):
         failures.append(f"a result is {seen.error_u:.1f} u off")
     valued = seen.valued if "*" in row.null else seen.valued & row.null
     failures += [f"{name} has a value" for name in sorted(valued)]
     failures += [f"{name} has no value" for name in sorted(row.known - seen.valued)]
     return [*failures, f"flags {sorted(seen.codes)}: {messages}"] if failures else []
+
+
+def in_words(flags: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether every line of a refusal is a sentence about a place in the dataset."""
+    messages = (flag["message"] for flag in flags if flag["code"] == REFUSED)
+    return all(SENTENCE.fullmatch(line) for text in messages for line in text.splitlines())
 
 
 def has_details(flag: Mapping[str, Any], details: Mapping[str, Any]) -> bool:
