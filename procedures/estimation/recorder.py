@@ -21,6 +21,8 @@ from .linear import MAD_TO_SIGMA
 Array = NDArray[np.float64]
 
 JUMP_SIGMAS = 8.0
+MANY = 5.0
+"""Times as often as to the values beside it, and visits at least: a channel comes to a limit."""
 HARMONICS = range(1, 5)
 MIN_STRENGTH = 0.2
 """Of the first harmonic without noise. Monte Carlo at 23 to 23.5 pulses an interval: with 0.64 and
@@ -66,11 +68,11 @@ def piled_up(
     parts = {0: 0.0, mode: 0.0, top: 0.0}
     for part in parts:
         away = level - part
-        count, visits = int(np.sum(away == 0)), _visits(away == 0)
+        count, often = int(np.sum(away == 0)), visits(away == 0)
         sides = 1 if part in (0, top) else 2
-        beside = _visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
-        many = sigma > 2.0 * step and visits > 5.0 * beside + (5.0 if sides == 1 else 15.0)
-        if expected is not None and sigma > 0.5 * step * sides and visits > 5:
+        beside = visits((away != 0) & (np.abs(away) <= 3)) / (3.0 * sides)
+        many = sigma > 2.0 * step and often > MANY * beside + MANY * (1.0 if sides == 1 else 3.0)
+        if expected is not None and sigma > 0.5 * step * sides and often > MANY:
             from_model = np.min(values) + part * step - expected
             upper = ndtr((from_model + 0.5 * step) / sigma) if part < top else 1.0
             lower = ndtr((from_model - 0.5 * step) / sigma) if part > 0 else 0.0
@@ -82,7 +84,8 @@ def piled_up(
     return parts[0] + (parts[top] if top else 0.0), inside
 
 
-def _visits(here: NDArray[np.bool_]) -> int:
+def visits(here: NDArray[np.bool_]) -> int:
+    """Return how often a channel comes to where it is `here` (n,)."""
     return int(here[0]) + int(np.sum(here[1:] & ~here[:-1]))
 
 

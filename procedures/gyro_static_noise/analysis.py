@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from procedures.estimation.channel import Channel, screen
 from procedures.estimation.flags import gaps_of
 from procedures.estimation.measured import Measured, root
-from procedures.estimation.screening import screen
+from procedures.estimation.noise import grid_index
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
 from .axis import AxisAnalysis, with_samples
+from .bridging import pieces
 from .dataset import (
     COEFFICIENTS,
     PER_SQRT_H,
@@ -27,6 +29,7 @@ from .published import curve_of, published_values
 
 FACTORS = np.array([1.0, 1.0 / PER_SQRT_H, 1.0, PER_SQRT_H])
 """From arcsec, deg/h sqrt(s), deg/h, deg/h/sqrt(s) to the units of the results."""
+ROUNDING = "the rounding of a rate is white and stands in the angle random walk."
 SETTINGS = AnalysisSettings()
 METHODS = {"bias": "mean", "bias_stability": "standard-deviation"}
 METHODS["bias_repeatability"] = "standard-deviation"
@@ -50,7 +53,7 @@ def analyse(dataset: StaticDataset, settings: AnalysisSettings = SETTINGS) -> St
         estimates += _estimates(dataset, analysed)
         if analysed.curve is not None:
             published += published_values(axis, analysed.curve, analysed.means)
-        flags += data_flags(dataset, analysed, settings)
+        flags += data_flags(dataset, analysed)
         flags += noise_flags(analysed, settings)
         axes.append(analysed)
     gaps = sum(
@@ -71,21 +74,26 @@ def _axis(
     dataset: StaticDataset, number: int, axis: str, settings: AnalysisSettings
 ) -> AxisAnalysis:
     interval_s = dataset.sample_interval_s
+    output = Channel(
+        f"the output of {axis}",
+        "the gyro",
+        "deg/h",
+        quantum=dataset.quantum_deg_per_h,
+        when_coarse="" if dataset.pulse_arcsec else ROUNDING,
+    )
     screened = tuple(
-        screen(
-            record.time_s,
-            record.rate_deg_per_h[:, number],
-            interval_s,
-            dataset.quantum_deg_per_h,
-            settings.outlier,
-        )
+        screen(output, record.rate_deg_per_h[:, number], settings.outlier)
         for record in dataset.records
     )
-    used = with_samples(screened)
-    means = np.array([float(record.there.mean()) for record in used])
-    rates = noise_records([piece for record in used for piece in record.pieces()])
-    pieces = Pieces(rates, interval_s, dataset.pulse_arcsec, dataset.output_bandwidth_Hz)
-    fit = fit_noise(pieces, settings.periodic_chance)
+    grids = [
+        part
+        for record, own in zip(dataset.records, screened, strict=True)
+        for part in pieces(own.on_grid(grid_index(record.time_s, interval_s)))
+    ]
+    means = np.array([float(own.there.mean()) for own in with_samples(screened)])
+    rates = noise_records(grids)
+    known = Pieces(rates, interval_s, dataset.pulse_arcsec, dataset.output_bandwidth_Hz)
+    fit = fit_noise(known, settings.periodic_chance)
     if fit is None:
         return AxisAnalysis(axis, screened, means, None, None, None)
     longest_s = max(len(piece) for piece in fit.pieces) * interval_s

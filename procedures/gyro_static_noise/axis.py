@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from procedures.estimation.allan import AllanDeviation
-from procedures.estimation.screening import Screened
+from procedures.estimation.channel import Screened
 
 from .dataset import Array
 from .means import Minimum

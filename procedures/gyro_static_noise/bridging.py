@@ -11,12 +11,34 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from procedures.estimation.rate_spectrum import covariances
-from procedures.estimation.screening import gaps
 
-from .dataset import Array
+from .dataset import Array, Index
 
 AROUND = 40
 """Samples on either side that a gap is predicted from."""
+LONG_GAP, MAX_GAP = 0.02, 300
+"""Part of a record, and samples, that a gap may be to be bridged; a longer one divides it."""
+
+
+def pieces(rate: Array) -> list[Array]:
+    """Return the parts of a record on its grid between gaps too long to be bridged, none empty."""
+    good = np.flatnonzero(np.isfinite(rate))
+    if not len(good):
+        return []
+    longest = min(MAX_GAP, max(1.0, LONG_GAP * len(rate)))
+    cuts = np.flatnonzero(np.diff(good) - 1 > longest)
+    firsts, lasts = good[np.r_[0, cuts + 1]], good[np.r_[cuts, len(good) - 1]]
+    return [rate[a : b + 1] for a, b in zip(firsts, lasts, strict=True)]
+
+
+def gaps(rate: Array) -> list[tuple[int, int]]:
+    """Return first and last place of each gap within a record on its grid."""
+    missing: Index = np.flatnonzero(~np.isfinite(rate))
+    if not len(missing):
+        return []
+    cuts = np.flatnonzero(np.diff(missing) > 1)
+    firsts, lasts = missing[np.r_[0, cuts + 1]], missing[np.r_[cuts, len(missing) - 1]]
+    return [(int(a), int(b)) for a, b in zip(firsts, lasts, strict=True)]
 
 
 def bridged(rate: Array, interval_s: float, theta: Array, pulse_arcsec: float) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from procedures.estimation.flags import counted, not_identifiable
-from procedures.estimation.screening import is_coarse, smallest_step
+from procedures.estimation.channel import flags
+from procedures.estimation.flags import not_identifiable
 from station.findings import Flag
 
 from .axis import AxisAnalysis
@@ -11,52 +11,16 @@ from .dataset import COEFFICIENTS, AnalysisSettings, StaticDataset
 from .parameters import UNITS
 
 
-def data_flags(
-    dataset: StaticDataset, analysed: AxisAnalysis, settings: AnalysisSettings
-) -> list[Flag]:
+def data_flags(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Flag]:
     """Return the flags on samples: what was left out, and an output of few steps."""
-    flags = []
-    totals = {
-        "outliers-rejected": (
-            sum(s.wild for s in analysed.screened),
-            f"lie more than {settings.outlier:g} standard deviations from their neighbours and are "
-            "left out",
-        ),
-        "frozen": (
-            sum(s.frozen for s in analysed.screened),
-            "repeat one value longer than noise lets them and are left out",
-        ),
-        "saturated": (
-            sum(s.saturated for s in analysed.screened),
-            "stand at one value far from all others and are left out",
-        ),
-    }
-    for code, (count, what) in totals.items():
-        if count:
-            sentence = f"{counted(count, 'sample')} of {analysed.axis} {what}."
-            flags.append(Flag(code, sentence, analysed.axis, {"count": count}))
-    return flags + _coarse(dataset, analysed)
-
-
-def _coarse(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Flag]:
-    if analysed.fit is None:
-        return []
-    if dataset.pulse_arcsec:
-        if not analysed.fit.sawtooth:
-            return []
+    raised = flags(analysed.screened, analysed.axis, "sample")
+    if analysed.fit is not None and analysed.fit.sawtooth and dataset.pulse_arcsec:
         sentence = (
             f"{analysed.axis} walks by less than half a pulse from sample to sample: its roundings "
             "follow one another, and u of the quantisation noise is twice as large."
         )
-        return [Flag("coarse-output", sentence, analysed.axis)]
-    step = max(smallest_step(piece) for piece in analysed.fit.pieces)
-    if not any(is_coarse(piece, step) for piece in analysed.fit.pieces):
-        return []
-    sentence = (
-        f"The output of {analysed.axis} has steps of {step:.3g} deg/h, as large as its noise; the "
-        "rounding of a rate is white and stands in the angle random walk."
-    )
-    return [Flag("coarse-output", sentence, analysed.axis, {"step_deg_per_h": step})]
+        raised.append(Flag("coarse-output", sentence, analysed.axis))
+    return raised
 
 
 def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag]:
@@ -67,10 +31,10 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
         lost = [name for name in UNITS if name not in seen]
         sentence = f"No record of {analysed.axis} is long enough to show its noise; record longer."
         return [not_identifiable(sentence, lost, analysed.axis)]
-    flags = []
+    raised = []
     if len(analysed.means) == 1:
         sentence = f"{analysed.axis} has one switch-on with samples, which shows no repeatability."
-        flags.append(not_identifiable(sentence, ["bias_repeatability"], analysed.axis))
+        raised.append(not_identifiable(sentence, ["bias_repeatability"], analysed.axis))
     small = []
     for n, name in enumerate(COEFFICIENTS):
         if n == 0 and not fit.quantisation_seen:
@@ -78,7 +42,7 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
                 f"The output of {analysed.axis} is filtered: up to a quarter of its bandwidth "
                 "quantisation noise does not show."
             )
-            flags.append(not_identifiable(sentence, [name], analysed.axis))
+            raised.append(not_identifiable(sentence, [name], analysed.axis))
         elif fit.theta[n] < settings.not_significant * fit.u[n]:
             small.append(name)
     if small:
@@ -87,13 +51,13 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
             f"{settings.not_significant:g} of their standard uncertainties: the upper limits say "
             "what the record shows."
         )
-        flags.append(Flag("not-significant", sentence, analysed.axis, {"coefficients": small}))
+        raised.append(Flag("not-significant", sentence, analysed.axis, {"coefficients": small}))
     if abs(fit.ramp) > settings.drift_removed * fit.ramp_u:
         sentence = (
             f"{analysed.axis} drifts by {fit.ramp:.3g} deg/h^2, u = {fit.ramp_u:.2g}; the drift is "
             "fitted with the noise and is not in its coefficients."
         )
-        flags.append(Flag("drift-removed", sentence, analysed.axis, {"ramp_deg_per_h2": fit.ramp}))
+        raised.append(Flag("drift-removed", sentence, analysed.axis, {"ramp_deg_per_h2": fit.ramp}))
     for line in fit.lines:
         sentence = (
             f"{analysed.axis} swings by {line.amplitude_deg_per_h:.3g} deg/h with a period of "
@@ -104,13 +68,13 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
             "period_s": 1.0 / line.frequency_Hz,
             "amplitude_deg_per_h": line.amplitude_deg_per_h,
         }
-        flags.append(Flag("periodic", sentence, analysed.axis, details))
+        raised.append(Flag("periodic", sentence, analysed.axis, details))
     if analysed.minimum is not None and analysed.minimum.at_end:
         sentence = (
             f"The Allan deviation of {analysed.axis} still falls at {analysed.minimum.tau_s:.4g} "
             "s, a ninth of the longest record: its minimum lies beyond. Record longer."
         )
-        flags.append(
+        raised.append(
             Flag("short-record", sentence, analysed.axis, {"tau_s": analysed.minimum.tau_s})
         )
-    return flags
+    return raised
