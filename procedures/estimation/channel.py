@@ -57,7 +57,8 @@ class Channel:
     """A channel as a procedure declares it.
 
     `name` is as a sentence needs it (`the output of IA`), `source` is what gives it, `low` and
-    `high` what no sound reading goes beyond, `quantum` a step that is known, all in `unit`; `then`
+    `high` what no sound reading goes beyond, `quantum` a step that is known, `harmless` a jump that is
+    none, all in `unit`; `then`
     is what is done with readings that are taken out. A `slow` channel goes on from row to row. The
     flags of a coarse and of a stepped channel are raised where it is stated what they mean.
     """
@@ -68,6 +69,7 @@ class Channel:
     low: float = -math.inf
     high: float = math.inf
     quantum: float = 0.0
+    harmless: float = 0.0
     slow: bool = False
     then: str = "They are left out."
     when_coarse: str = ""
@@ -188,7 +190,8 @@ def screen(
         step = max(channel.quantum, resolution(kept))
         noise = _slow_noise(kept, step)
         may = nothing if free is None else free
-        *parts, jump = _slow(kept, np.flatnonzero(sound), step, noise, beyond, may)
+        slack = beyond * math.sqrt(2.0) * noise + MAX_STEPS * step, channel.harmless
+        *parts, jump = _slow(kept, np.flatnonzero(sound), step, noise, max(slack), may)
     else:
         step = max(channel.quantum, smallest_step(kept))
         *parts, jump = _noisy(kept, step, beyond)
@@ -243,11 +246,12 @@ def _noisy(values: Array, step: float, beyond: float) -> tuple[Mask, Mask, Mask,
 
 
 def _slow(
-    values: Array, place: Index, step: float, noise: float, beyond: float, free: Mask
+    values: Array, place: Index, step: float, noise: float, slack: float, free: Mask
 ) -> tuple[Mask, Mask, Mask, Mask, Jump | None]:
     """Return what is frozen, copied, saturated and wild of a channel that goes on, and a step.
 
-    `place` (n,) are the rows of the values, `free` those of the whole record.
+    `place` (n,) are the rows of the values, `free` those of the whole record in which a change by
+    more than `slack` is no jump.
     """
     longest = IN_A_ROW
     if step > 0.0:
@@ -260,7 +264,6 @@ def _slow(
     if noise > 0.5 * step:
         copied = _copied(values, step, ~still)
     jump = None
-    slack = beyond * math.sqrt(2.0) * noise + MAX_STEPS * step
     wild = _far(values, slack) & ~still & ~copied
     for _ in range(ROUNDS):
         rows = np.flatnonzero(~(still | copied | wild))

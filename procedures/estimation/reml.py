@@ -21,6 +21,11 @@ MAX_STEPS = 60
 CLOSE = 1e-4
 """Standard uncertainties by which a step may still move a component when the search ends."""
 
+SMALLEST = 1e-30
+"""Of a variance: data that do not move at all have this, and no quotient of it is without end."""
+RIDGE = 1e-13
+"""Of a scaled normal matrix: far below what the numbers hold, and enough that it has an inverse."""
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -33,7 +38,7 @@ class Stretch:
 
     def variance(self, theta: Array) -> Array:
         """Return the variances (m,) of the data."""
-        return np.asarray(theta @ self.parts + self.rest)
+        return np.maximum(theta @ self.parts + self.rest, SMALLEST)
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ class Components:
     @property
     def u(self) -> Array:
         """The standard uncertainties (j,) of the components, also of those at zero."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def deviance(self) -> float:
@@ -84,11 +89,19 @@ class Components:
 def solve(stretch: Stretch, variance: Array) -> Solved:
     """Return the columns of a record fitted with known variances."""
     weighted = stretch.columns / variance[:, None]
-    covariance: Array = np.asarray(np.linalg.inv(stretch.columns.T @ weighted), dtype=np.float64)
+    covariance = _inverse(stretch.columns.T @ weighted)
     sizes: Array = covariance @ (weighted.T @ stretch.data)
     residuals = stretch.data - stretch.columns @ sizes
     leverage = np.einsum("ij,jk,ik->i", stretch.columns, covariance, stretch.columns)
     return Solved(sizes, covariance, residuals, leverage, variance)
+
+
+def _inverse(normal: Array) -> Array:
+    """Return the inverse of a normal matrix (p, p); columns that repeat others share their size."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), SMALLEST))
+    scaled = normal * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += RIDGE
+    return np.asarray(np.linalg.inv(scaled) * np.outer(scale, scale), dtype=np.float64)
 
 
 def fit(
@@ -186,7 +199,7 @@ def _not_below_zero(normal: Array, right: Array, held: tuple[int, float] | None)
     if held is not None:
         theta[held[0]] = held[1]
         right = right - normal[:, held[0]] * held[1]
-    scale = 1.0 / np.sqrt(np.diag(normal)[free])
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal)[free], SMALLEST))
     scaled = normal[np.ix_(free, free)] * np.outer(scale, scale)
     root = cholesky(scaled + 1e-12 * np.eye(len(free)), lower=True)
     scaled_theta, _ = nnls(root.T, solve_triangular(root, right[free] * scale, lower=True))
@@ -199,7 +212,7 @@ def _first(stretches: Sequence[Stretch]) -> Array:
     count = len(stretches[0].parts)
     normal, right = np.zeros((count, count)), np.zeros(count)
     for stretch in stretches:
-        flat = np.full(len(stretch.data), float(np.mean(stretch.data**2)))
+        flat = np.full(len(stretch.data), max(float(np.mean(stretch.data**2)), SMALLEST))
         squares = solve(stretch, flat).residuals ** 2
         edges = np.unique(np.rint(np.geomspace(1, len(squares) + 1, 30)).astype(int)) - 1
         sums = np.add.reduceat(squares, edges[:-1]) / np.diff(edges)

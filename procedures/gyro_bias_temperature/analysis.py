@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from procedures.estimation.channel import Channel, Screened, screen
 from procedures.estimation.noise import grid_index
-from procedures.estimation.screening import Screened, screen
 from station.findings import Analysis, Estimate, Flag, Published
 
-from .chamber import chamber_lag
-from .dataset import AnalysisSettings, Array, TemperatureDataset
+from .dataset import AnalysisSettings, Array, Index, TemperatureDataset
 from .fit import PASSED, BiasFit, Setting, fit_bias
 from .flags import data_flags, result_flags
 from .published import published_values
 from .results import estimates_of
 from .soaks import soaks_of
+from .thermometers import chamber_lag, thermometers_of
 
 SETTINGS = AnalysisSettings()
 MIN_RANGE_DEGC = 2.0
@@ -52,28 +52,33 @@ def analyse(
     index = grid_index(dataset.time_s, interval_s)
     grid = np.arange(int(index[-1]) + 1)
     time_s = dataset.time_s[0] + interval_s * grid
-    temperature = np.interp(grid, index, dataset.temperature_degC)
+    thermometers = thermometers_of(dataset)
+    temperature = np.interp(grid, index, thermometers.temperature_degC)
     setting = Setting(
-        temperature, interval_s, dataset.sensor_lag_prior_s, passed_both_ways(temperature)
+        temperature,
+        interval_s,
+        None if dataset.gyro_degC is None else dataset.sensor_lag_prior_s,
+        passed_both_ways(temperature),
     )
     lag = None
-    if dataset.gyro_degC is not None:
-        chamber = np.interp(grid, index, dataset.chamber_degC)
+    refused = bool(thermometers.refusals)
+    if thermometers.gyro is not None and thermometers.chamber_good and not refused:
+        chamber = np.interp(grid, index, thermometers.chamber)
         lag = chamber_lag(temperature, chamber, interval_s)
-    soaks = soaks_of(dataset, dataset.temperature_degC)
+    soaks = soaks_of(dataset, thermometers.temperature_degC)
     estimates: list[Estimate] = []
     published: list[Published] = []
-    flags: list[Flag] = []
+    flags: list[Flag] = [*thermometers.flags, *thermometers.refusals]
     axes = []
     for column, (axis, direction) in enumerate(dataset.directions.items()):
         earth = direction.earth_deg_per_h(dataset.latitude_rad)
         own = dataset.rate_deg_per_h[:, column] - earth
-        screened, rate, fit = _solved(dataset.time_s, own, setting, settings.outlier)
-        of_axis = estimates_of(axis, dataset, setting, fit, soaks, lag)
+        screened, rate, fit = _solved(axis, index, own, setting, settings.outlier, refused)
+        of_axis = estimates_of(axis, dataset, setting, fit, soaks, lag, thermometers.u_degC)
         estimates += of_axis
         published += published_values(axis, own, soaks, dataset.reference_degC)
         flags += data_flags(dataset, axis, screened, settings)
-        flags += result_flags(dataset, axis, fit, of_axis, settings)
+        flags += result_flags(dataset, setting, axis, fit, of_axis, settings)
         axes.append(AxisOverTemperature(axis, time_s, rate, setting, fit))
     return TemperatureAnalysis(estimates, published, flags, tuple(axes))
 
@@ -96,34 +101,34 @@ def passed_both_ways(temperature: Array) -> bool:
 
 
 def _solved(
-    time_s: Array, own: Array, setting: Setting, beyond: float
+    axis: str, index: Index, own: Array, setting: Setting, beyond: float, refused: bool
 ) -> tuple[Screened, Array, BiasFit | None]:
     """Return one axis screened, its rows on the grid (m,), and the solution, None without one.
 
     Wild rows are those far from the solution: a quiet gyro follows the corners of a ramp farther
-    than its noise goes.
+    than its noise goes. What is missing is filled in by the solution.
     """
-    interval_s = setting.interval_s
-    screened = screen(time_s, own, interval_s, 0.0, FAR)
-    rate = _filled(screened.rate)
-    enough = len(screened.there) >= FEWEST_ROWS
-    if not enough or float(np.ptp(setting.temperature)) < MIN_RANGE_DEGC:
+    output = Channel(f"the output of {axis}", "the gyro", "deg/h", limit_code="overload")
+    screened = screen(output, own, FAR)
+    rate = _filled(screened.on_grid(index))
+    enough = int(screened.good.sum()) >= FEWEST_ROWS
+    if refused or not enough or float(np.ptp(setting.temperature)) < MIN_RANGE_DEGC:
         return screened, rate, None
+    setting = replace(setting, step=screened.step)
     fit = fit_bias(rate, setting)
-    there, grid_s = np.isfinite(screened.rate), interval_s * np.arange(float(len(rate)))
-    wild = 0
+    good, good_before = screened.good, np.ones(len(rate), dtype=bool)
+    around = screened
     for _ in range(MAX_ROUNDS):
-        left = (screened.rate - fit.fitted)[there]
-        around = screen(grid_s[there], left, interval_s, 0.0, beyond)
-        if around.wild == wild:
+        left = np.where(good, own - fit.fitted[index], np.nan)
+        around = screen(output, left, beyond)
+        on_grid = replace(around, frozen=around.frozen & False).on_grid(index)
+        here = np.isfinite(on_grid)
+        if bool(np.array_equal(here, good_before)):
             break
-        wild = around.wild
-        padded = np.full(len(rate), np.nan)
-        first = int(np.flatnonzero(there)[0])
-        padded[first : first + len(around.rate)] = around.rate
-        rate = fit.fitted + _filled(padded)
+        good_before = here
+        rate = fit.fitted + _filled(on_grid)
         fit = fit_bias(rate, setting)
-    return replace(screened, wild=wild), rate, fit
+    return replace(screened, wild=around.wild, beyond=beyond), rate, fit
 
 
 def _filled(values: Array) -> Array:

@@ -13,6 +13,7 @@ from station.findings import FlagThresholds
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

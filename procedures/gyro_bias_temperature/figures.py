@@ -68,7 +68,7 @@ def _record(one_axis: AxisOverTemperature, fit: BiasFit) -> Plot:
 
 def _curve(one_axis: AxisOverTemperature, fit: BiasFit) -> Plot:
     setting = one_axis.setting
-    rate = setting.columns(fit.order, fit.value_of("lag")[0], 1.0)[:, fit.order]
+    rate = setting.columns(fit.order, fit.lags_s, 1.0)[:, fit.order]
     place = np.linspace(-1.0, 1.0, PLACES)
     low, high = setting.domain
     at = 0.5 * (low + high) + 0.5 * (high - low) * place

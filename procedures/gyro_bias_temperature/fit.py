@@ -1,11 +1,13 @@
 """Bias over temperature of one axis: curve, rate, hysteresis, lag and noise in one solution.
 
 b = B(Te) + s dT/dt + (H/2) m, with Te behind T by a first-order lag and m the place in a play of
-half width w on Te. In the basis of cosines the noise (N, B, K, by restricted likelihood) is nearly
-independent from one coefficient to the next; the mean, which the basis lacks, is taken apart. The
-lag is searched for, and its uncertainty goes through its derivative. Half widths are tried on a
-grid and the solutions mixed as likely as each is: where the loop is lost in noise, its width is
-unknown, and a single best one would make the loop larger than it is.
+half width w on Te. Of a gyro without a thermometer T is the chamber's temperature behind a lag that
+nothing is known of beforehand; of the lag from there to Te only that it is short. In the basis of
+cosines the noise (N, B, K, by restricted likelihood) is nearly independent from one coefficient to
+the next; the mean, which the basis lacks, is taken apart. The lag is searched for, and its
+uncertainty goes through its derivative. Half widths are tried on a grid and the solutions mixed as
+likely as each is: where the loop is lost in noise, its width is unknown, and a single best one
+would make the loop larger than it is.
 """
 
 from __future__ import annotations
@@ -42,24 +44,48 @@ PASSED = 0.2
 ALONE = 0.02
 """Part of a column that the others must leave for it to count as determined."""
 STEP = 0.02
+CHAMBER_LAGS_S = 300.0, 4500.0
+"""Of a gyro behind the air of its chamber, the lag within it included."""
+STARTS = 9
+"""Such lags with which the search begins."""
+INNER_PRIOR_S = 300.0
+"""Standard uncertainty of the lag within a gyro that has no thermometer, as it is of others."""
+MAX_INNER = 0.5
+"""Of the whole lag."""
+MAX_U_OF_LAG = 0.25
+"""Of a lag: beyond it, nothing of what it leaves is known either."""
 MIN_LAG = 0.01
 """Of an interval: what is known of a lag beforehand where it is stated to be none."""
 WALK_MEAN = 1.0 / 3.0
 """Variance of the mean of a random walk from zero, over that of its end."""
 
 
-StretchAt = Callable[[int, float, float], Stretch]
-"""The record by order of the curve, lag in s and half width in degC."""
+Lags = tuple[float, ...]
+"""The whole lag of Te in s and, behind a chamber, the part of it that is within the gyro."""
+StretchAt = Callable[[int, Lags, float], Stretch]
+"""The record by order of the curve, lags in s and half width in degC."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Temperature (n,) on the grid of the rows, what is known beforehand, and what is asked for."""
+    """Temperature (n,) on the grid of the rows, what is known beforehand, and what is asked for.
+
+    `lag_prior_s` is that of the gyro's own thermometer, None where the chamber's is the only one;
+    `step` what a reading of the output is rounded to, in deg/h.
+    """
 
     temperature: Array
     interval_s: float
-    lag_prior_s: float
+    lag_prior_s: float | None
     has_loop: bool
+    step: float = 0.0
+
+    @property
+    def priors_s(self) -> Array:
+        """The standard uncertainties of the lags that are known beforehand."""
+        if self.lag_prior_s is None:
+            return np.array([np.inf, INNER_PRIOR_S])
+        return np.array([max(self.lag_prior_s, MIN_LAG * self.interval_s)])
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -71,11 +97,14 @@ class Setting:
         low, high = self.domain
         return np.asarray((2.0 * temperature - low - high) / (high - low))
 
-    def columns(self, order: int, lag_s: float, width: float) -> Array:
+    def columns(self, order: int, lags_s: Lags, width: float) -> Array:
         """Return the model's columns (n, p): polynomials 1..order, rate, half the loop."""
-        effective = lagged(self.temperature, lag_s, self.interval_s)
+        own = self.temperature
+        if self.lag_prior_s is None:
+            own = lagged(own, lags_s[0] - lags_s[1], self.interval_s)
+        effective = lagged(own, lags_s[-1], self.interval_s)
         curve = chebyshev.chebvander(self.scaled(effective), order)[:, 1:]
-        parts = [curve, rate_per_minute(self.temperature, self.interval_s)[:, None]]
+        parts = [curve, rate_per_minute(own, self.interval_s)[:, None]]
         if self.has_loop:
             parts.append(0.5 * loop(effective, width)[:, None])
         return np.column_stack(parts)
@@ -86,9 +115,9 @@ class BiasFit:
     """The solution of one axis: `sizes` (p,) with `covariance`, in the order of `names`.
 
     `names`: c0..c<order> of the curve in deg/h, at rest in mid-loop, `s`, `H` where there is a
-    loop, and `lag` in s. `theta` are the squares of N (deg/h sqrt(s)), B, K. `alone` says of each
-    of s and H whether the record tells it from the rest. `residual` and `fitted` (n,) in deg/h,
-    `half_width_degC` are those of the likeliest loop.
+    loop, `lag` in s, and `inner` behind a chamber. `theta` are the squares of N (deg/h sqrt(s)), B,
+    K. `alone` says of each of s and H whether the record tells it from the rest. `residual` and
+    `fitted` (n,) in deg/h, `half_width_degC` and `lags_s` are those of the likeliest loop.
     """
 
     order: int
@@ -100,6 +129,15 @@ class BiasFit:
     half_width_degC: float
     residual: Array
     fitted: Array
+    lags_s: Lags
+
+    @property
+    def lag_seen(self) -> bool:
+        """Whether the data show the lag, where nothing else does."""
+        lag_s, u = self.value_of("lag")
+        low, high = CHAMBER_LAGS_S
+        inside = 1.05 * low < lag_s < high / 1.05
+        return len(self.lags_s) == 1 or (inside and u < MAX_U_OF_LAG * lag_s)
 
     def place(self, name: str) -> int:
         """Return where a quantity stands."""
@@ -108,7 +146,7 @@ class BiasFit:
     def value_of(self, name: str) -> tuple[float, float]:
         """Return a quantity and its standard uncertainty."""
         at = self.place(name)
-        return float(self.sizes[at]), float(np.sqrt(self.covariance[at, at]))
+        return float(self.sizes[at]), float(np.sqrt(max(self.covariance[at, at], 0.0)))
 
     def curve(self) -> Array:
         """Return the curve's Chebyshev coefficients (order + 1,), lowest first."""
@@ -134,15 +172,16 @@ class BiasFit:
     def _of_curve(self, gradient: Array) -> tuple[float, float]:
         width = self.order + 1
         own = self.covariance[:width, :width]
-        return float(gradient @ self.sizes[:width]), float(np.sqrt(gradient @ own @ gradient))
+        variance = max(float(gradient @ own @ gradient), 0.0)
+        return float(gradient @ self.sizes[:width]), float(np.sqrt(variance))
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A half width in degC with the likeliest lag in s, and -2 ln of how likely both are."""
+    """A half width in degC with the likeliest lags in s, and -2 ln of how likely all are."""
 
     half_width: float
-    lag_s: float
+    lags_s: Lags
     deviance: float
 
 
@@ -153,55 +192,93 @@ def fit_bias(rate: Array, setting: Setting) -> BiasFit:
     data = coefficients(rate - rate.mean())
     low, high = setting.domain
 
-    def stretch(order: int, lag_s: float, width: float) -> Stretch:
-        columns = coefficients(setting.columns(order, lag_s, width))
-        return Stretch(data, parts, np.zeros(count - 1), columns)
+    # The rounding of an output is white, and noise is never below it.
+    rest = np.full(count - 1, setting.step**2 / 12.0)
+
+    def stretch(order: int, lags_s: Lags, width: float) -> Stretch:
+        return Stretch(data, parts, rest, coefficients(setting.columns(order, lags_s, width)))
 
     widths = np.array([NARROW * (high - low)])
     if setting.has_loop:
         widest = min(WIDEST * (high - low), max(WIDE * (high - low), USUAL_DEGC))
         widths = np.geomspace(widths[0], widest, WIDTHS)
-    lag_s, width = 0.3 * setting.lag_prior_s, 0.08 * (high - low)
-    order, best = FIRST_ORDER, fit([stretch(FIRST_ORDER, lag_s, width)])
+    width = 0.08 * (high - low)
+    if setting.lag_prior_s is None:
+        whole_s = np.geomspace(*CHAMBER_LAGS_S, STARTS).tolist()
+        starts: list[Lags] = [(lag_s, 0.3 * INNER_PRIOR_S) for lag_s in whole_s]
+    else:
+        starts = [(0.3 * setting.lag_prior_s,)]
+    begun = [(fit([stretch(FIRST_ORDER, start, width)]), start) for start in starts]
+    best, lags_s = min(begun, key=lambda pair: pair[0].deviance)
+    order = FIRST_ORDER
     for _ in range(MAX_ROUNDS):
         # What a wrong loop or lag leaves is taken for noise: with less noise both are seen better.
-        tried = _searched(stretch, setting, best, order, widths)
+        tried = _searched(stretch, setting, best, (order, lags_s), widths)
         likeliest = min(tried, key=lambda own: own.deviance)
         if setting.has_loop:
             near = np.geomspace(likeliest.half_width / FINER, likeliest.half_width * FINER, NEAR)
-            tried += _searched(stretch, setting, best, order, near)
+            tried += _searched(stretch, setting, best, (order, lags_s), near)
             likeliest = min(tried, key=lambda own: own.deviance)
         before = best.deviance
-        order, best = _ordered(stretch, best.theta, likeliest.lag_s, likeliest.half_width)
+        lags_s = _within(stretch, best, order, likeliest)
+        order, best = _ordered(stretch, best.theta, lags_s, likeliest.half_width)
         if before - best.deviance < SETTLED:
             break
     return _mixed(rate, setting, stretch, best, order, tried)
 
 
 def _searched(
-    stretch: StretchAt, setting: Setting, best: Components, order: int, widths: Array
+    stretch: StretchAt,
+    setting: Setting,
+    best: Components,
+    from_here: tuple[int, Lags],
+    widths: Array,
 ) -> list[Tried]:
-    """Return half widths in degC, each with the lag under which the data are likeliest."""
+    """Return half widths in degC, each with the whole lag under which the data are likeliest."""
     variance = best.solved[0].variance
-    prior_s = max(setting.lag_prior_s, MIN_LAG * setting.interval_s)
+    order, (lag_s, *inner) = from_here
+    known = setting.lag_prior_s is not None
+    unit_s = float(setting.priors_s[0]) if known else lag_s
+    bounds = (0.0, MAX_LAG) if known else (CHAMBER_LAGS_S[0] / unit_s, CHAMBER_LAGS_S[1] / unit_s)
 
     def at(width: float) -> Tried:
         def deviance(share: float) -> float:
-            return solve(stretch(order, share * prior_s, width), variance).deviance + share**2
+            lags_s = (share * unit_s, *(min(own, MAX_INNER * share * unit_s) for own in inner))
+            own = solve(stretch(order, lags_s, width), variance).deviance
+            return own + share**2 if known else own
 
-        bounds = (0.0, MAX_LAG)
-        best_lag = minimize_scalar(deviance, bounds=bounds, options={"xatol": 0.02})
-        return Tried(width, float(best_lag.x) * prior_s, float(best_lag.fun))
+        best_lag = minimize_scalar(
+            deviance, bounds=bounds, options={"xatol": 0.02 if known else 0.002}
+        )
+        whole_s = float(best_lag.x) * unit_s
+        lags_s = (whole_s, *(min(own, MAX_INNER * whole_s) for own in inner))
+        return Tried(width, lags_s, float(best_lag.fun))
 
     return [at(float(width)) for width in widths]
 
 
+def _within(stretch: StretchAt, best: Components, order: int, tried: Tried) -> Lags:
+    """Return the lags with the likeliest part within the gyro, where that is not the whole."""
+    whole_s, *inner = tried.lags_s
+    if not inner:
+        return tried.lags_s
+    variance = best.solved[0].variance
+
+    def deviance(inner_s: float) -> float:
+        own = solve(stretch(order, (whole_s, inner_s), tried.half_width), variance)
+        return own.deviance + (inner_s / INNER_PRIOR_S) ** 2
+
+    bounds = (0.0, min(MAX_LAG * INNER_PRIOR_S, MAX_INNER * whole_s))
+    likeliest = minimize_scalar(deviance, bounds=bounds, options={"xatol": 3.0})
+    return whole_s, float(likeliest.x)
+
+
 def _ordered(
-    stretch: StretchAt, theta: Array, lag_s: float, width: float
+    stretch: StretchAt, theta: Array, lags_s: Lags, width: float
 ) -> tuple[int, Components]:
     """Return the order of the curve by the Bayesian information criterion, with its solution."""
     tried = {
-        order: fit([stretch(order, lag_s, width)], theta) for order in range(1, HIGHEST_ORDER + 1)
+        order: fit([stretch(order, lags_s, width)], theta) for order in range(1, HIGHEST_ORDER + 1)
     }
     rows = len(tried[1].solved[0].residuals)
     order = min(tried, key=lambda order: tried[order].deviance + order * np.log(rows))
@@ -234,11 +311,10 @@ def _mixed(
     orders = range(max(1, order - FEWER), min(HIGHEST_ORDER, order + MORE) + 1)
     pairs = [(own, tried) for own in orders for tried in widths]
     variance, penalty = best.solved[0].variance, np.log(len(rate) - 1)
-    prior_s = max(setting.lag_prior_s, MIN_LAG * setting.interval_s)
     deviance = np.array(
         [
-            solve(stretch(own, tried.lag_s, tried.half_width), variance).deviance
-            + (tried.lag_s / prior_s) ** 2
+            solve(stretch(own, tried.lags_s, tried.half_width), variance).deviance
+            + float(np.sum((np.array(tried.lags_s) / setting.priors_s) ** 2))
             + own * penalty
             for own, tried in pairs
         ]
@@ -258,7 +334,8 @@ def _mixed(
     covariance += np.einsum("w,wij->ij", shares, np.array([c.covariance for c in candidates]))
     likeliest = int(np.argmin(deviance[used]))
     chosen, (own, tried) = candidates[likeliest], pairs[used[likeliest]]
-    names = [f"c{k}" for k in range(top + 1)] + ["s"] + ["H"] * setting.has_loop + ["lag"]
+    names = [f"c{k}" for k in range(top + 1)] + ["s"] + ["H"] * setting.has_loop + ["lag", "inner"]
+    names = names[: len(sizes)]
     seen = {"s": own} | ({"H": own + 1} if setting.has_loop else {})
     return BiasFit(
         top,
@@ -266,10 +343,14 @@ def _mixed(
         sizes,
         covariance,
         best.theta,
-        {name: _left(chosen.weighted, at) > ALONE for name, at in seen.items()},
+        {
+            name: _left(chosen.weighted[:, : -len(tried.lags_s)], at) > ALONE
+            for name, at in seen.items()
+        },
         tried.half_width,
         chosen.residual,
         rate - chosen.residual,
+        tried.lags_s,
     )
 
 
@@ -283,23 +364,29 @@ def _candidate(
 ) -> Candidate:
     """Return one solution; `variances` are those of the data, and theta that u goes by."""
     (order, tried), (variance, theta) = pair, variances
-    own = stretch(order, tried.lag_s, tried.half_width)
+    own = stretch(order, tried.lags_s, tried.half_width)
     sizes = solve(own, variance).sizes
-    columns = setting.columns(order, tried.lag_s, tried.half_width)
-    nudge_s = STEP * max(setting.lag_prior_s, tried.lag_s, setting.interval_s)
-    later = setting.columns(order, tried.lag_s + nudge_s, tried.half_width) @ sizes
-    whole = np.column_stack([columns, (later - columns @ sizes) / nudge_s])
+    columns = setting.columns(order, tried.lags_s, tried.half_width)
+    whole = columns
+    for at, prior_s in enumerate(setting.priors_s):
+        lag_s = tried.lags_s[at]
+        nudge_s = STEP * max(prior_s if np.isfinite(prior_s) else 0.0, lag_s, setting.interval_s)
+        later_s = list(tried.lags_s)
+        later_s[at] += nudge_s
+        later = setting.columns(order, tuple(later_s), tried.half_width) @ sizes
+        whole = np.column_stack([whole, (later - columns @ sizes) / nudge_s])
     weighted = coefficients(whole) / np.sqrt(own.variance(theta))[:, None]
     normal = weighted.T @ weighted
-    normal[-1, -1] += 1.0 / max(setting.lag_prior_s, MIN_LAG * setting.interval_s) ** 2
+    known = np.arange(len(sizes), len(normal))
+    normal[known, known] += 1.0 / setting.priors_s**2
     centre = whole.mean(axis=0)
     # The constant is what the mean leaves: it moves with every column's mean.
     gain = np.vstack([-centre, np.eye(len(centre))])
     covariance = gain @ _inverse(normal) @ gain.T
     length_s = len(rate) * setting.interval_s
     covariance[0, 0] += float(theta @ [1.0 / length_s, FLICKER, WALK_MEAN * length_s])
-    constant = float(rate.mean()) - float(centre[:-1] @ sizes)
-    values = np.r_[constant, sizes, tried.lag_s]
+    constant = float(rate.mean()) - float(centre[: len(sizes)] @ sizes)
+    values = np.r_[constant, sizes, tried.lags_s]
     place = np.r_[: order + 1, top + 1 : top + 1 + len(values) - order - 1]
     padded, wide = np.zeros(len(values) + top - order), np.zeros((len(values) + top - order,) * 2)
     padded[place] = values
@@ -314,8 +401,8 @@ def _inverse(normal: Array) -> Array:
 
 
 def _left(weighted: Array, at: int) -> float:
-    """Return which part of a column the others but the last, the lag, leave of it."""
-    others = np.delete(weighted[:, :-1], at, axis=1)
+    """Return which part of a column the others leave of it."""
+    others = np.delete(weighted, at, axis=1)
     own = weighted[:, at]
     rest = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
     return float(np.linalg.norm(rest) / max(float(np.linalg.norm(own)), 1e-300))

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable, too_stiff
-from procedures.estimation.screening import Screened
+from procedures.estimation.channel import Screened
+from procedures.estimation.channel import flags as channel_flags
+from procedures.estimation.flags import Gaps, gaps_of, not_identifiable, too_stiff
 from station.findings import Estimate, Flag, contradiction
 
 from .dataset import AnalysisSettings, TemperatureDataset
-from .fit import BiasFit
+from .fit import BiasFit, Setting
 from .units import UNITS
 
 MIN_EARTH_DEG_PER_H, NEAR = 1.0, 0.1
@@ -20,9 +21,10 @@ WHY = {
     "bias_temperature_sensitivity": "no soak ends 5 degC or more from the reference temperature, "
     "or that is outside the range of the record",
     "bias_rate_sensitivity": "the temperature changed at one rate only, which the curve, or the "
-    "hysteresis, follows as well",
+    "hysteresis, follows as well, or the lag behind the chamber does not show",
     "hysteresis": "less than a fifth of the range was passed both ways, or at one rate without "
-    "soaks",
+    "soaks, or the lag behind the chamber does not show",
+    "sensor_lag": "the bias does not show how far it is behind the chamber's temperature",
     "chamber_lag": "there is no thermometer of the gyro, or its lag behind the chamber has no end "
     "that can be seen",
 }
@@ -33,23 +35,7 @@ def data_flags(
     dataset: TemperatureDataset, axis: str, screened: Screened, settings: AnalysisSettings
 ) -> list[Flag]:
     """Return the flags on the rows of one axis."""
-    flags = []
-    if screened.wild:
-        sentence = (
-            f"{counted(screened.wild, 'row')} of {axis} lie more than {settings.outlier:g} "
-            "standard deviations from their neighbours and are left out."
-        )
-        flags.append(Flag("outliers-rejected", sentence, axis, {"count": screened.wild}))
-    if screened.frozen:
-        extent = counted(screened.frozen, "row")
-        details = {"count": screened.frozen}
-        flags.append(frozen("The output", extent, "the gyro", "They are left out.", details, axis))
-    if screened.saturated:
-        sentence = (
-            f"Saturated: the output stands at its largest value in "
-            f"{counted(screened.saturated, 'row')}; they are left out."
-        )
-        flags.append(Flag("overload", sentence, axis, {"count": screened.saturated}))
+    flags = channel_flags([screened], axis)
     gaps = gaps_of(dataset.time_s, dataset.sample_interval_s, settings.gap)
     then = "temperature and output are interpolated there"
     flags += (gaps or Gaps()).flags("The rows have", dataset.sample_interval_s, then, axis)
@@ -58,6 +44,7 @@ def data_flags(
 
 def result_flags(
     dataset: TemperatureDataset,
+    setting: Setting,
     axis: str,
     fit: BiasFit | None,
     estimates: Sequence[Estimate],
@@ -68,13 +55,16 @@ def result_flags(
     lacking = [name for name in UNITS if named[name].value is None]
     flags = []
     if fit is None:
-        sentence = f"The temperature hardly moved, or too few rows of {axis} are left: no curve."
+        sentence = (
+            f"There is no curve of {axis}: the temperature hardly moved, too few rows are left, or "
+            "a thermometer's column is not what it is called."
+        )
         flags.append(not_identifiable(sentence, lacking, axis))
         return flags
     for name in lacking:
         sentence = f"{name.replace('_', ' ').capitalize()} is undetermined: {WHY[name]}."
         flags.append(not_identifiable(sentence, [name], axis))
-    low, high = _range(dataset)
+    low, high = setting.domain
     if not low <= dataset.reference_degC <= high:
         sentence = (
             f"The reference temperature {dataset.reference_degC:g} degC is outside the record's "
@@ -103,7 +93,7 @@ def _prior(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
     """Return the flag of a lag that stands on what was stated beforehand."""
     prior = dataset.sensor_lag_prior_s
     _, u = fit.value_of("lag")
-    if not prior or u < 0.7 * prior:
+    if dataset.gyro_degC is None or not prior or u < 0.7 * prior:
         return []
     sentence = (
         f"The lag of the sensor of {axis} rests on the stated {prior:g} s: the curve is nearly a "
@@ -126,11 +116,6 @@ def _earth(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
         "output."
     )
     return [contradiction("input_axis", sentence, axis, ratio=1.0 - share)]
-
-
-def _range(dataset: TemperatureDataset) -> tuple[float, float]:
-    temperature = dataset.temperature_degC
-    return float(np.min(temperature)), float(np.max(temperature))
 
 
 def _lag_one(fit: BiasFit) -> float:

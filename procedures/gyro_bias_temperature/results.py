@@ -28,16 +28,21 @@ def estimates_of(
     fit: BiasFit | None,
     soaks: Sequence[Soak],
     lag: Measured | None,
+    u_degC: float,
 ) -> list[Estimate]:
-    """Return one estimate for each result of an axis; those without a value are undetermined."""
+    """Return one estimate for each result of an axis; those without a value are undetermined.
+
+    `u_degC` is what rounding and steps leave unknown of the temperature.
+    """
     values: dict[str, Measured | None] = dict.fromkeys(UNITS)
     values["chamber_lag"] = lag
     if fit is not None:
-        values |= _of_curve(dataset, setting, fit, soaks)
+        values |= _of_curve(dataset, setting, fit, soaks, u_degC)
         for name, place in (("bias_rate_sensitivity", "s"), ("hysteresis", "H")):
-            if fit.alone.get(place):
+            if fit.alone.get(place) and fit.lag_seen:
                 values[name] = Measured(*fit.value_of(place))
-        values["sensor_lag"] = Measured(*fit.value_of("lag"))
+        if fit.lag_seen:
+            values["sensor_lag"] = Measured(*fit.value_of("lag"))
     estimates = []
     for name, unit in UNITS.items():
         method = "least-squares" if name == "chamber_lag" else METHOD
@@ -67,7 +72,11 @@ def estimates_of(
 
 
 def _of_curve(
-    dataset: TemperatureDataset, setting: Setting, fit: BiasFit, soaks: Sequence[Soak]
+    dataset: TemperatureDataset,
+    setting: Setting,
+    fit: BiasFit,
+    soaks: Sequence[Soak],
+    u_degC: float,
 ) -> dict[str, Measured | None]:
     low, high = setting.domain
     reference = dataset.reference_degC
@@ -79,13 +88,17 @@ def _of_curve(
         )
     }
     if low <= reference <= high:
-        values["bias"] = Measured(*fit.bias_at(at))
+        bias, u = fit.bias_at(at)
+        slope = _slope(fit, at, high - low).value
+        values["bias"] = Measured(bias, float(np.hypot(u, slope * u_degC)))
         far = [soak for soak in soaks if abs(soak.temperature_degC - reference) >= APART_DEGC]
         slopes = []
         for soak in far:
             there = float(setting.scaled(np.array([soak.temperature_degC]))[0])
             apart, u = fit.difference(there, at)
             span = abs(soak.temperature_degC - reference)
+            own_slope = _slope(fit, there, high - low).value
+            u = float(np.hypot(u, own_slope * u_degC))
             slopes.append(Measured(abs(apart) / span, u / span))
         values["bias_temperature_sensitivity"] = max(
             slopes, key=lambda slope: slope.value, default=None

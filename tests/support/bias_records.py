@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -42,11 +42,14 @@ class Gyro:
     spikes: tuple[int, ...] = ()
     lost: slice = field(default_factory=lambda: slice(0, 0))
     thermometer: bool = True
+    self_heating: float = 0.0
 
     def bias(self, temperature: Array | float) -> Array:
         """Return the curve at temperatures, deg/h."""
         return np.asarray(
-            chebyshev.chebval((2.0 * np.asarray(temperature) - 28.5) / 101.5, self.curve)
+            chebyshev.chebval(
+                (2.0 * (np.asarray(temperature) + self.self_heating) - 28.5) / 101.5, self.curve
+            )
         )
 
 
@@ -55,6 +58,10 @@ CASES = {
     "straight curve": Gyro(curve=(0.1, 0.3)),
     "no hysteresis, no lag": Gyro(hysteresis=0.0, sensor_lag_s=0.0),
     "noisy": Gyro(N=0.02, B=0.02, K=0.03),
+    "chamber alone": Gyro(thermometer=False),
+    "chamber alone, straight curve": Gyro(thermometer=False, curve=(0.1, 0.3)),
+    "chamber alone, one lag": Gyro(thermometer=False, sensor_lag_s=0.0, chamber_lag_s=1400.0),
+    "chamber alone, noisy": Gyro(thermometer=False, N=0.02, B=0.02, K=0.03),
 }
 
 
@@ -105,28 +112,25 @@ def record(gyro: Gyro, seed: int) -> TemperatureDataset:
 
 
 def truths(gyro: Gyro, dataset: TemperatureDataset) -> dict[str, float]:
-    """Return the true results of a gyro in a record, by the chamber's thermometer without its own.
+    """Return the true results of a gyro in a record.
 
-    The lags are those of the gyro's thermometer.
+    With the chamber's thermometer alone the curve is that of the chamber's temperature.
     """
-    ahead = 0.0 if gyro.thermometer else gyro.warmer
-
-    def bias(read: Array | float) -> Array:
-        return gyro.bias(read + ahead)
-
+    if not gyro.thermometer:
+        whole = replace(gyro, thermometer=True, warmer=0.0, self_heating=gyro.warmer)
+        lag_s = gyro.sensor_lag_s + gyro.chamber_lag_s
+        return truths(whole, dataset) | {"sensor_lag": lag_s}
     low, high = np.ptp(dataset.temperature_degC), dataset.temperature_degC
     middle, half = 0.5 * (high.min() + high.max()), 0.45 * float(low)
     inner = np.linspace(middle - half, middle + half, 2001)
-    slopes = np.abs(np.gradient(bias(inner), inner))
+    slopes = np.abs(np.gradient(gyro.bias(inner), inner))
     at = gyro.reference_degC
-    ends = np.array(
-        [target + gyro.warmer - ahead for target in (23.0, *(to for to, _ in gyro.steps))]
-    )
+    ends = np.array([target + gyro.warmer for target in (23.0, *(to for to, _ in gyro.steps))])
     ends = ends[np.abs(ends - at) >= 5.0]
     return {
-        "bias": float(bias(at)),
+        "bias": float(gyro.bias(at)),
         "bias_temperature_sensitivity": float(
-            np.max(np.abs(bias(ends) - bias(at)) / np.abs(ends - at))
+            np.max(np.abs(gyro.bias(ends) - gyro.bias(at)) / np.abs(ends - at))
         ),
         "largest_bias_slope": float(slopes.max()),
         "bias_rate_sensitivity": gyro.rate_sensitivity,

@@ -1,0 +1,297 @@
+"""The thermometers of the gyro and of the chamber: what they read, and whether that can be.
+
+Readings that are none are filled in by what drives the thermometer: the chamber's by its set-point,
+the gyro's by the chamber, behind its lag. What contradicts the columns as they are named is not
+mended: nothing is reported from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import minimize_scalar
+
+from procedures.estimation.channel import Channel, Screened, flags, screen
+from procedures.estimation.measured import Measured
+from station.findings import Flag, contradiction
+
+from .dataset import Array, Mask, TemperatureDataset
+from .soaks import soaks_of
+from .thermal import lagged
+
+GYRO, CHAMBER, SET_POINT = "gyro_temperature_degC", "chamber_temperature_degC", "set_point_degC"
+COLDEST_DEGC, HOTTEST_DEGC = -100.0, 200.0
+"""No gyro is tested beyond."""
+HARMLESS_DEGC = 0.4
+"""An air that is controlled jumps about by so much, and no result feels it."""
+MIN_GOOD = 0.5
+"""Of a thermometer's readings; what is filled in for more would be no measurement."""
+STEPS_MENDED = 3
+MAX_OFF_DEGC = 5.0
+"""By so much the ends of soaks may be off their set-points, in the chamber's air."""
+MAX_WARMER_DEGC = 25.0
+"""By so much a gyro warms itself."""
+MAX_GAIN_OFF = 0.1
+"""Change of a gyro's temperature over that of the set-point: in another unit it is 1.8."""
+SLOWER, MIN_APART_DEGC = 2.0, 1.0
+"""Times, and at least, by which the chamber's column leaves the set-point more than the gyro's."""
+MAX_LATE_S, MAX_EARLY_S = 540.0, 300.0
+"""A second lag of a gyro looks late, by less than that; nothing is ahead of what drives it."""
+LATEST_S, SHIFTS = 3600.0, 12
+BETTER = 0.5
+"""Part of the squares that shifted rows must not leave."""
+STEPPED_SET_POINT_DEGC, SETTLING_ROWS = 3.0, 20
+"""From row to row: the air jumps with a set-point that does."""
+THEN = "Their temperature is filled in by that of {}."
+STEPPED = (
+    "The readings after it are set back to those before it, and half of the step is in u of the "
+    "bias. Look at the thermometer's place and its cable."
+)
+COARSE = "where it stands still, so does its rounding: u of the bias holds that."
+
+SHORTEST_ROWS = 0.2
+"""Of an interval: a lag below it cannot be distinguished from none."""
+MAX_PART = 0.3
+"""Of the record: a longer lag has no end to be seen."""
+IN_A_ROW = 0.005
+"""Of an interval: what rows that are means leave unknown of the corners of a ramp."""
+MIN_RANGE = 2.0
+
+
+def chamber_lag(
+    gyro: Array, chamber: Array, interval_s: float, good: Mask | None = None
+) -> Measured | None:
+    """Return the first-order lag in s of a gyro's thermometer (n,) behind a chamber's, degC.
+
+    The two may differ by a constant, and begin apart. Rows that are not `good` do not count. None
+    where the chamber hardly moved.
+    """
+    rows = np.ones(len(gyro), dtype=bool) if good is None else good
+    if float(np.ptp(chamber)) < MIN_RANGE:
+        return None
+    time_s = interval_s * np.arange(len(gyro))
+
+    def columns(lag_s: float) -> Array:
+        begins = np.exp(-time_s / lag_s)
+        whole = np.column_stack([lagged(chamber, lag_s, interval_s), np.ones(len(gyro)), begins])
+        return np.asarray(whole[rows])
+
+    def left(log_lag: float) -> Array:
+        behind, *rest = columns(float(np.exp(log_lag))).T
+        own, target = np.column_stack(rest), gyro[rows] - behind
+        return np.asarray(target - own @ np.linalg.lstsq(own, target, rcond=None)[0])
+
+    shortest, longest = SHORTEST_ROWS * interval_s, MAX_PART * float(time_s[-1])
+    grid = np.linspace(np.log(shortest), np.log(longest), 25)
+    squares = [float(np.sum(left(float(tried)) ** 2)) for tried in grid]
+    at = int(np.argmin(squares))
+    if at in (0, len(grid) - 1):
+        return None
+    best = minimize_scalar(
+        lambda tried: float(np.sum(left(tried) ** 2)), bounds=(grid[at - 1], grid[at + 1])
+    )
+    lag_s = float(np.exp(best.x))
+    residual = left(best.x)
+    derivative = (left(best.x + 1e-3) - left(best.x - 1e-3)) / (2e-3 * lag_s)
+    own = columns(lag_s)[:, 1:]
+    derivative = derivative - own @ np.linalg.lstsq(own, derivative, rcond=None)[0]
+    # Neighbours are correlated where the gyro is no first-order system: fewer of them count.
+    lag_one = float(np.clip(residual[1:] @ residual[:-1] / (residual @ residual), 0.0, 0.99))
+    variance = float(residual @ residual) / (len(residual) - 4) * (1 + lag_one) / (1 - lag_one)
+    own_u = variance / float(derivative @ derivative)
+    return Measured(lag_s, float(np.sqrt(own_u + (IN_A_ROW * interval_s) ** 2)))
+
+
+@dataclass(frozen=True)
+class Thermometers:
+    """What the thermometers read, by row of the dataset, degC; `gyro` is None without one.
+
+    `flags` are of readings, `refusals` of columns that are not what they are called. `chamber_good`
+    says that the chamber's column is; `u_degC` is what steps and rounding leave unknown.
+    """
+
+    chamber: Array
+    gyro: Array | None
+    flags: tuple[Flag, ...]
+    refusals: tuple[Flag, ...]
+    chamber_good: bool
+    u_degC: float
+
+    @property
+    def temperature_degC(self) -> Array:
+        """The temperature that the model follows."""
+        return self.chamber if self.gyro is None else self.gyro
+
+
+def thermometers_of(dataset: TemperatureDataset) -> Thermometers:
+    """Return the thermometers of a dataset, screened, filled in and held against the set-points."""
+    interval_s = dataset.sample_interval_s
+    set_point = dataset.set_point_degC
+    stepped = np.abs(np.diff(set_point, prepend=set_point[0])) > STEPPED_SET_POINT_DEGC
+    free: Mask = maximum_filter1d(stepped.astype(np.uint8), SETTLING_ROWS, origin=-9) > 0
+    air = _channel("the chamber's thermometer", "the set-point")
+    screened, chamber, u_degC = _mended(air, dataset.chamber_degC, free)
+    raised = flags([screened])
+    chamber = _filled(chamber, screened.good, set_point)
+    refusals = _refused(dataset, CHAMBER, screened, chamber)
+    refusals = refusals or _shifted(CHAMBER, SET_POINT, chamber, set_point, interval_s)
+    chamber_good = not refusals
+    if dataset.gyro_degC is None:
+        return Thermometers(chamber, None, tuple(raised), tuple(refusals), chamber_good, u_degC)
+    own = _channel("the gyro's thermometer", "the chamber, behind its lag")
+    screened, gyro, u_degC = _mended(own, dataset.gyro_degC, free & False)
+    raised += flags([screened])
+    if screened.good.any() and not screened.good.all():
+        drive = chamber if chamber_good else set_point
+        roughly = _filled(gyro, screened.good, np.zeros(len(gyro)))
+        lag = chamber_lag(roughly, drive, interval_s, screened.good)
+        like = np.zeros(len(gyro)) if lag is None else lagged(drive, lag.value, interval_s)
+        gyro = _filled(gyro, screened.good, like)
+    wrong = _refused(dataset, GYRO, screened, gyro)
+    wrong = wrong or _exchanged(set_point, chamber, gyro)
+    drive, name = (chamber, CHAMBER) if chamber_good else (set_point, SET_POINT)
+    wrong = wrong or _shifted(GYRO, name, gyro, drive, interval_s)
+    # The chamber's column serves the lag behind it alone.
+    raised += refusals
+    return Thermometers(chamber, gyro, tuple(raised), tuple(wrong), chamber_good, u_degC)
+
+
+def _channel(name: str, filled_by: str) -> Channel:
+    return Channel(
+        name,
+        name,
+        "degC",
+        COLDEST_DEGC,
+        HOTTEST_DEGC,
+        harmless=HARMLESS_DEGC,
+        slow=True,
+        then=THEN.format(filled_by),
+        when_coarse=COARSE,
+        when_stepped=STEPPED,
+    )
+
+
+def _mended(channel: Channel, values: Array, free: Mask) -> tuple[Screened, Array, float]:
+    """Return a thermometer screened, its readings without steps, and what is unknown of them."""
+    mended = values.copy()
+    first = now = screen(channel, mended, free=free)
+    steps = 0.0
+    for _ in range(STEPS_MENDED):
+        if now.jump is None:
+            break
+        mended[now.jump.row :] -= now.jump.size
+        steps = max(steps, abs(now.jump.size))
+        now = screen(channel, mended, free=free)
+    rounding = now.u_of_step(1.0) if now.coarse else 0.0
+    return replace(now, jump=first.jump), mended, float(np.hypot(0.5 * steps, rounding))
+
+
+def _filled(values: Array, good: Mask, like: Array) -> Array:
+    """Return values (n,) that are `like` others, and as far from them as around, where not good."""
+    if good.all() or not good.any():
+        return values
+    rows = np.arange(len(values))
+    apart = np.interp(rows, rows[good], (values - like)[good])
+    return np.where(good, values, like + apart)
+
+
+def _refused(
+    dataset: TemperatureDataset, column: str, screened: Screened, filled: Array
+) -> list[Flag]:
+    """Return why a thermometer's column is not what it is called, or nothing."""
+    set_point, interval_s = dataset.set_point_degC, dataset.sample_interval_s
+    share = float(np.mean(screened.good))
+    if share < MIN_GOOD:
+        stands_text = (
+            f"Of the column {column} {100.0 * (1.0 - share):.0f} % are no readings: the "
+            "thermometer stood still, or was not connected. Nothing is reported from it."
+        )
+        return [contradiction(column, stands_text, part=1.0 - share)]
+    ends = soaks_of(dataset, filled)
+    if not ends or float(np.ptp(set_point)) < MIN_RANGE:
+        return []
+    asked = np.array([float(np.mean(set_point[soak.rows])) for soak in ends])
+    read = np.array([soak.temperature_degC for soak in ends])
+    off = float(np.median(read - asked))
+    limit = MAX_OFF_DEGC if column == CHAMBER else MAX_WARMER_DEGC
+    gain = _gain(filled, set_point, interval_s)
+    if abs(off) <= limit and abs(gain - 1.0) <= MAX_GAIN_OFF:
+        return []
+    unit = "kelvin" if abs(off - 273.15) < limit else "another unit, or off"
+    if abs(gain - 1.8) < 1.8 * MAX_GAIN_OFF:
+        unit = "degrees Fahrenheit"
+    unit_text = (
+        f"At the ends of soaks the column {column} is {off:.3g} degC from the set-point, and "
+        f"changes {gain:.3g} times as much: likely it is in {unit}. Nothing is reported from it; "
+        "correct the column."
+    )
+    return [contradiction(column, unit_text, off_degC=off, gain=gain)]
+
+
+def _gain(values: Array, drive: Array, interval_s: float) -> float:
+    """Return how much values (n,) change over what drives them, behind whatever lag fits best."""
+    best = 1.0
+    least = np.inf
+    for lag_s in np.geomspace(SHORTEST_ROWS * interval_s, MAX_PART * interval_s * len(values), 15):
+        own = np.column_stack([lagged(drive, float(lag_s), interval_s), np.ones(len(values))])
+        sizes = np.linalg.lstsq(own, values, rcond=None)[0]
+        squares = float(np.sum((values - own @ sizes) ** 2))
+        if squares < least:
+            best, least = float(sizes[0]), squares
+    return best
+
+
+def _exchanged(set_point: Array, chamber: Array, gyro: Array) -> list[Flag]:
+    """Return the flag of a chamber that follows its set-point less closely than the gyro does."""
+    apart = [float(np.std(values - set_point)) for values in (chamber, gyro)]
+    if apart[0] < max(SLOWER * apart[1], MIN_APART_DEGC):
+        return []
+    exchanged_text = (
+        f"The column {CHAMBER} leaves the set-point by {apart[0]:.3g} degC rms, {GYRO} by "
+        f"{apart[1]:.3g} degC: no gyro follows it closer than the air around it. The two columns "
+        "are exchanged; nothing is reported."
+    )
+    return [contradiction(GYRO, exchanged_text, apart_degC=apart)]
+
+
+def _shifted(
+    column: str, behind: str, values: Array, drive: Array, interval_s: float
+) -> list[Flag]:
+    """Return the flag of a thermometer whose rows are late, or ahead of what drives it."""
+    rows = np.unique(np.rint(np.linspace(-LATEST_S, LATEST_S, 2 * SHIFTS + 1) / interval_s))
+    usual = _squares(values, drive, interval_s)
+    tried = {int(late): _squares(values, _late(drive, int(late)), interval_s) for late in rows}
+    late = min(tried, key=lambda own: tried[own])
+    if -MAX_EARLY_S < late * interval_s < MAX_LATE_S or tried[late] > BETTER * usual:
+        return []
+    where = "late" if late > 0 else "early"
+    shifted_text = (
+        f"The column {column} stands about {abs(late)} rows {where} by {behind}, beside a lag: it "
+        "is not in its rows. Nothing is reported from it; put it into its rows."
+    )
+    return [contradiction(column, shifted_text, rows=late)]
+
+
+def _late(values: Array, rows: int) -> Array:
+    """Return values (n,) so many rows later, the first or last of them repeated."""
+    if rows == 0:
+        return values
+    shifted = np.roll(values, rows)
+    if rows > 0:
+        shifted[:rows] = values[0]
+    else:
+        shifted[rows:] = values[-1]
+    return shifted
+
+
+def _squares(values: Array, drive: Array, interval_s: float) -> float:
+    """Return the least squares that a lag behind a drive (n,) leaves."""
+
+    def squares(log_lag: float) -> float:
+        return float(np.var(values - lagged(drive, float(np.exp(log_lag)), interval_s)))
+
+    shortest, longest = SHORTEST_ROWS * interval_s, MAX_PART * interval_s * len(values)
+    best = minimize_scalar(squares, bounds=(np.log(shortest), np.log(longest)))
+    return float(best.fun)
