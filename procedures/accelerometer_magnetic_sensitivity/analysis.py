@@ -34,8 +34,8 @@ from .model import (
     model_columns,
 )
 from .nuisances import FEWEST_LEFT, KI_DRIFT, KO, KP, OFFSET, unit_of
+from .parameters import AnalysisSettings
 from .screening import coarse_step_V, frozen_temperature, screen
-from .settings import AnalysisSettings
 from .solution import solve_rows
 from .solved import Solution, groups_of
 

@@ -27,8 +27,7 @@ from .measuring import (
     THERMOMETER,
 )
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
-from .parameters import AccelerometerParameters, Point
-from .settings import AnalysisSettings
+from .parameters import AccelerometerParameters, AnalysisSettings, Point
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -83,7 +82,7 @@ def related(analysis: AccelerometerAnalysis) -> Covariance:
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    return AnalysisSettings(
+    return AnalysisSettings.model_construct(
         **dict(parameters.thresholds),
         window=parameters.window,
         scale_factor_V_per_g=parameters.scale_factor_V_per_g,

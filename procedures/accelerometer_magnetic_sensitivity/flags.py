@@ -21,8 +21,8 @@ from station.findings import Estimate, Flag, combination_text
 from .dataset import AccelerometerDataset, LeftOut
 from .model import COEFFICIENTS, Identifiability, describe, listed
 from .nuisances import ARCSEC_PER_RAD
+from .parameters import AnalysisSettings
 from .screening import COPIED, HELD, SATURATED, STUCK
-from .settings import AnalysisSettings
 from .solved import Jump, Solution
 
 MAGNETIC = ("Km", "Kmm", "Kim", "Kom", "Kpm")

@@ -23,7 +23,7 @@ from procedures.estimation.orthogonal import (
 
 from .model import Names
 from .nuisances import FEWEST_LEFT, KO, KP
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 from .solved import Jump, Solved
 
 Array = NDArray[np.float64]

@@ -10,9 +10,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.thresholds import (
+    FIELD_DIFFERS,
+    GAP,
+    MODEL_TOO_STIFF,
+    NOT_SIGNIFICANT,
+    OUTLIER,
+)
 from station.fields import StrictModel, Unit
-
-from .settings import AnalysisSettings
 
 Plane = Literal["io", "ip", "op", "level"]
 AngleStep = Annotated[float, Unit("deg"), Field(gt=0, le=180)]
@@ -20,6 +25,7 @@ AngleStep = Annotated[float, Unit("deg"), Field(gt=0, le=180)]
 PUBLISHED_ANGLE_STEP_DEG = 15.0
 EFFICIENT_ANGLE_STEP_DEG = 40.0
 """Nine angles: as efficient a reading as many, and enough to tell the third order apart."""
+USUAL_SCALE_FACTOR_V_PER_G = 1.0
 MAX_POINTS = 20000
 """Three days and nights, at twelve seconds a point."""
 MAX_STEPS = 3600
@@ -65,13 +71,32 @@ class Dwell(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.not_significant
-    field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = (
-        AnalysisSettings.field_differs_from_commanded
-    )
-    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
-    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
-    outlier: Annotated[float, Field(ge=3)] = AnalysisSettings.outlier
+    not_significant: Annotated[float, Field(gt=0)] = NOT_SIGNIFICANT
+    field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = FIELD_DIFFERS
+    gap: Annotated[float, Field(gt=1)] = GAP
+    model_too_stiff: Annotated[float, Field(gt=0)] = MODEL_TOO_STIFF
+    outlier: Annotated[float, Field(ge=3)] = OUTLIER
+
+
+class AnalysisSettings(Thresholds):
+    """With the choices of the estimator, which no plan states among its thresholds.
+
+    `not_significant` is in standard uncertainties of a magnetic coefficient, `outlier` in robust
+    standard deviations, `gap` in nominal intervals, `field_differs_from_commanded` relative.
+    `window` is the number of rows of the finite-memory solution, chosen where it is None.
+    `scale_factor_V_per_g` stands for Ki where no row tells that.
+    """
+
+    max_drift_order: int = 8
+    window: int | None = None
+    scale_factor_V_per_g: float = USUAL_SCALE_FACTOR_V_PER_G
+
+    def too_stiff_beyond(self, rows: int) -> float:
+        """Return the correlation of neighbouring residuals above which the model is too stiff.
+
+        With few rows a correlation as large as the threshold is no rarity.
+        """
+        return max(self.model_too_stiff, 3.0 / math.sqrt(rows))
 
 
 class AccelerometerParameters(StrictModel):
@@ -93,9 +118,7 @@ class AccelerometerParameters(StrictModel):
     readings: Annotated[int, Field(ge=1, le=10000)] = 5
     nplc: Annotated[float, Field(gt=0, le=100)] = 10.0
     reading_noise_V: Annotated[float, Unit("V"), Field(gt=0)] = 3e-6
-    scale_factor_V_per_g: Annotated[float, Unit("V/g"), Field(gt=0)] = (
-        AnalysisSettings.scale_factor_V_per_g
-    )
+    scale_factor_V_per_g: Annotated[float, Unit("V/g"), Field(gt=0)] = USUAL_SCALE_FACTOR_V_PER_G
     dwell: Dwell = Dwell()
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
     degauss: bool = True

@@ -23,7 +23,7 @@ from .dataset import Rows
 from .jump import Suspects, find_jumps, may_be_off
 from .model import model_columns
 from .nuisances import ARCSEC_PER_RAD, OFFSET, ROUNDS, TurnedModel, chosen, separable, slow_terms
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 from .solved import JUMP, Jump, Solution, Solved, uneven, with_misfit
 
 Array = NDArray[np.float64]

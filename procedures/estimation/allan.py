@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from procedures.common.constants import SECONDS_PER_HOUR
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 FLICKER = 2.0 * np.log(2.0) / np.pi
 """Allan variance of flicker noise over the square of the bias instability B; its root is 0.664."""
-SECONDS_PER_HOUR = 3600.0
 FEWEST_CLUSTERS = 3
 SEEN = 2.0
 """Standard uncertainties beyond which flicker is seen: in white noise so once in 25 records."""

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
 from station.findings import InputQuantity
-
-EARTH_DEG_PER_H = 15.041
-ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 
 
 @dataclass(frozen=True)
@@ -24,14 +21,16 @@ class Direction:
     def earth_deg_per_h(self, latitude_rad: float) -> float:
         """Return the earth's rate along it."""
         level = np.cos(latitude_rad) * np.cos(self.elevation_rad) * np.cos(self.azimuth_rad)
-        return float(EARTH_DEG_PER_H * (level + np.sin(latitude_rad) * np.sin(self.elevation_rad)))
+        return float(
+            EARTH_RATE_DEG_PER_H * (level + np.sin(latitude_rad) * np.sin(self.elevation_rad))
+        )
 
     def sensitivities(self, latitude_rad: float) -> tuple[float, float]:
         """Return what the earth's rate gains, deg/h per rad of azimuth and of elevation."""
         a, e, north = self.azimuth_rad, self.elevation_rad, np.cos(latitude_rad)
         azimuth = -north * np.cos(e) * np.sin(a)
         elevation = -north * np.sin(e) * np.cos(a) + np.sin(latitude_rad) * np.cos(e)
-        return float(EARTH_DEG_PER_H * azimuth), float(EARTH_DEG_PER_H * elevation)
+        return float(EARTH_RATE_DEG_PER_H * azimuth), float(EARTH_RATE_DEG_PER_H * elevation)
 
 
 def attitude_inputs(

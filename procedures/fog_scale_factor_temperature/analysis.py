@@ -10,25 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from procedures.common.constants import FULL_TURN_DEG
 from station.findings import Flag
 
 from .axis_fit import AxisFit, fit_axis
 from .curve import CHECKED, Curve, published_curve
-from .dataset import (
-    AXES,
-    FULL_TURN_DEG,
-    PPM,
-    Array,
-    AxisTurns,
-    FogDataset,
-    Mask,
-    TurnTable,
-    turn_errors_deg,
-)
+from .dataset import AXES, PPM, Array, AxisTurns, FogDataset, Mask, TurnTable, turn_errors_deg
 from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
 from .misplaced import misplaced_flags
+from .parameters import AnalysisSettings
 from .repeated import copied_turns, repeat_flags
-from .settings import AnalysisSettings
 from .table_checks import (
     heading_resolution_deg,
     resolution_of,

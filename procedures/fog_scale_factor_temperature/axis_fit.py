@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import solve_by_qr
 
 from .axis_problem import AxisProblem, Solved, Walk
 from .curve import CHECKED, Curve, chebyshev_columns
-from .dataset import SECONDS_PER_HOUR, Array, AxisTurns, Index, Mask, noise_of_sets
+from .dataset import Array, AxisTurns, Index, Mask, noise_of_sets
 from .misfit import Misfit, misfit_of
+from .parameters import PUBLISHED_ORDER, AnalysisSettings
 from .rejection import other_ends_ppm, reject
-from .settings import PUBLISHED_ORDER, AnalysisSettings
 
 Gaps = tuple[tuple[float, float], ...]
 UNSEEN = 2.5

@@ -24,7 +24,7 @@ from procedures.estimation.orthogonal import choose_by_information, project, sol
 
 from .curve import chebyshev_columns
 from .dataset import SAME_TEMPERATURE_DEGC, Array, AxisTurns, Mask, distinct_temperatures, is_paired
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 
 COARSE = np.concatenate(([0.0], 10.0 ** np.linspace(-4.0, 7.0, 45)))
 """Sizes of a walk over one set, as a variance in units of a turn's own."""

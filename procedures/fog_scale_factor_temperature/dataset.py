@@ -15,7 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .settings import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+
+from .parameters import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,8 +27,6 @@ Index = NDArray[np.int64]
 TurnSense = Literal["heading", "about-up"]
 AXES = ("x", "y", "z")
 PPM = 1e6
-FULL_TURN_DEG = 360.0
-SECONDS_PER_HOUR = 3600.0
 COVERED = 0.8
 NEXT_SET = 1.6
 SAME_TEMPERATURE_DEGC = 0.5

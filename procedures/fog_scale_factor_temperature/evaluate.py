@@ -25,8 +25,7 @@ from .curve import Band, Curve
 from .dataset import FogDataset
 from .following import TABLE
 from .from_import import Conditions, dataset_of_import
-from .parameters import PUBLISHED_SOAK_H, FogParameters
-from .settings import AnalysisSettings
+from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, FogParameters
 from .verification import Driven, Verified
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def table_inputs(bench: Bench) -> Iterator[InputQuantity]:
 
 def settings(parameters: FogParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    return AnalysisSettings(**dict(parameters.thresholds))
+    return AnalysisSettings.model_construct(**dict(parameters.thresholds))
 
 
 def outside_flag(said: str) -> Flag:

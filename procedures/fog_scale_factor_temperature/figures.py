@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from station.findings import Findings
 from station.parts import Part, Table, first_rows
 from station.plots import (
@@ -32,7 +33,7 @@ from station.results import ResultDocument
 from .analysis import FogAnalysis
 from .axis_fit import AxisFit
 from .curve import Band
-from .dataset import SECONDS_PER_HOUR, Array, FogDataset
+from .dataset import Array, FogDataset
 from .verification import Driven, Verified
 
 TABLE_STEP_DEGC = 5.0

@@ -6,14 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.estimation.flags import not_identifiable, rows_listed, too_stiff
 from station.findings import Flag, contradiction
 
 from .axis_fit import WIDE, AxisFit, within
 from .axis_problem import stiffness
 from .curve import Curve
-from .dataset import FULL_TURN_DEG, PPM, SECONDS_PER_HOUR, AxisTurns, FogDataset, Mask
-from .settings import PUBLISHED_ORDER, AnalysisSettings
+from .dataset import PPM, AxisTurns, FogDataset, Mask
+from .parameters import PUBLISHED_ORDER, AnalysisSettings
 from .verification import Driven
 
 DRIVE_BEYOND, LARGE_DEG = 5.0, 1.0

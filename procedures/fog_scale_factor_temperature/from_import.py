@@ -14,8 +14,7 @@ from station.files.faults import FaultList
 from station.files.lookup import find
 
 from .dataset import AXES, Array, Drive, FogDataset, TurnTable
-from .parameters import FogParameters
-from .settings import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC
+from .parameters import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC, FogParameters
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

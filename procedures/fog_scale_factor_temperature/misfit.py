@@ -27,7 +27,7 @@ from procedures.estimation.orthogonal import (
 from .axis_problem import AxisProblem, Solved, Walk, deleted_residuals
 from .curve import CHECKED, chebyshev_columns
 from .dataset import Array, Index, Mask, sets_with_bias
-from .settings import PUBLISHED_ORDER
+from .parameters import PUBLISHED_ORDER
 
 CHANCE = 1e-3
 """How often noise alone makes a misfit of any shape, at most."""

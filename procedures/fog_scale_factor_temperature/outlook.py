@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from station.files.faults import FaultList
 from station.procedure import Problem, RecordUse
 from station.report.numbers import format_number
 from station.roles.turntable import unnamed_axes
 
 from .following import TABLE
-from .parameters import FULL_TURN_DEG, SECONDS_PER_HOUR, FogParameters
+from .parameters import FogParameters
 from .ramping import sets_of_ramp
 
 if TYPE_CHECKING:

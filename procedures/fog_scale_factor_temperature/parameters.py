@@ -8,12 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.thresholds import GAP, MODEL_TOO_STIFF, OUTLIER
 from station.fields import Celsius, Degree, StrictModel, Unit, WarmUpWindow
 
-from .settings import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC, AnalysisSettings
-
-FULL_TURN_DEG = 360.0
-SECONDS_PER_HOUR = 3600.0
 AXES = ("x", "y", "z")
 Axis = Literal["x", "y", "z"]
 Turns = Literal["as_published", "pairs", "+--+"]
@@ -21,6 +19,10 @@ PUBLISHED_SOAK_H = (4.0, 6.0)
 PUBLISHED_RAMP_DEGC_PER_H = (6.0, 12.0)
 """0.5 degC to 1 degC in 5 min."""
 PUBLISHED_INTERVAL_S = 600.0
+PUBLISHED_ORDER = 4
+"""Of the curve over temperature."""
+USUAL_REFERENCE_DEGC = 20.0
+"""Where the curve is zero unless plan or dataset say otherwise."""
 SIGNS: dict[str, tuple[int, ...]] = {
     "as_published": (1,),
     "pairs": (1, -1),
@@ -120,9 +122,22 @@ class DriveTest(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
-    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
-    outlier: Annotated[float, Field(ge=3)] = AnalysisSettings.outlier
+    gap: Annotated[float, Field(gt=1)] = GAP
+    model_too_stiff: Annotated[float, Field(gt=0)] = MODEL_TOO_STIFF
+    outlier: Annotated[float, Field(ge=3)] = OUTLIER
+
+
+class AnalysisSettings(Thresholds):
+    """With the choices of the estimator, which no plan states among its thresholds.
+
+    `outlier` is in robust standard deviations of a turn, `gap` in nominal intervals between sets,
+    `model_too_stiff` a correlation, `temperature_gap_degC` a stretch without a turn,
+    `noise_beyond_statement` the noise of a turn over the stated one.
+    """
+
+    highest_order: int = 20
+    temperature_gap_degC: float = 10.0
+    noise_beyond_statement: float = 3.0
 
 
 class FogParameters(StrictModel):

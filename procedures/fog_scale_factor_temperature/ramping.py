@@ -14,6 +14,7 @@ from functools import partial
 from itertools import accumulate, count
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from station.errors import ConditionNotReached
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate, AxisBy, AxisTo, TemperatureRamp
@@ -28,7 +29,7 @@ from .following import (
     TABLE,
     Following,
 )
-from .parameters import AXES, FULL_TURN_DEG, SECONDS_PER_HOUR, FogParameters
+from .parameters import AXES, FogParameters
 
 if TYPE_CHECKING:
     from station.method.run import Run

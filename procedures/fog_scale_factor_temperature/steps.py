@@ -9,6 +9,7 @@ from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from station.errors import ConditionNotReached
 from station.method.commands import Power
 from station.method.duration import Duration, exactly, on_the_way
@@ -29,7 +30,7 @@ from .following import (
     WARM_UP,
     Following,
 )
-from .parameters import SECONDS_PER_HOUR, FogParameters, Verification
+from .parameters import FogParameters, Verification
 from .ramping import (
     EXPECTED_HEAT_DEGC,
     PROVED_WITHIN_DEGC,

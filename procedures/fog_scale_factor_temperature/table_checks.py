@@ -4,20 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.estimation.flags import frozen
 from procedures.estimation.frozen import TURNS_IN_A_ROW, equal_runs
 from station.findings import Flag, contradiction
 
-from .dataset import (
-    AXES,
-    FULL_TURN_DEG,
-    SECONDS_PER_HOUR,
-    Array,
-    FogDataset,
-    Mask,
-    TurnTable,
-    rotation_to_navigation,
-)
+from .dataset import AXES, Array, FogDataset, Mask, TurnTable, rotation_to_navigation
 
 RADIANS = 2.0 * np.pi
 UNITS = {

@@ -12,29 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import EARTH_RATE_DEG_PER_H, SECONDS_PER_HOUR
 from procedures.estimation.linear import robust_sigma
 from station.findings import Flag, contradiction
 
 from .axis_fit import AxisFit
 from .curve import Curve
-from .dataset import (
-    AXES,
-    PPM,
-    SECONDS_PER_HOUR,
-    Array,
-    AxisTurns,
-    Drive,
-    is_paired,
-    sets_with_bias,
-    wrapped_deg,
-)
+from .dataset import AXES, PPM, Array, AxisTurns, Drive, is_paired, sets_with_bias, wrapped_deg
 
 OUTSIDE_DEGC = 1.0
 FEWEST = 6
 CALM = 0.95
 DISAGREES = 2.0
 """Rms over its uncertainty. Ramps in other directions differ by the lag of a thermometer, too."""
-EARTH_RATE_DEG_PER_H = 15.041067
 LEVEL_TIME_S = 60.0
 LARGEST_ERROR_DEG = 20.0
 MIN_U_DEG = 1e-6

@@ -35,8 +35,8 @@ from .dataset import (
 from .field import FieldFit, fit_field
 from .flags import cross_axis_flags, drive_flags, field_flags, record_flags, result_flags
 from .gyro import GyroFit, fit_gyro, plotted_spectrum, published_value
+from .parameters import AnalysisSettings
 from .response import Observed, Response, in_doubt, solve
-from .settings import AnalysisSettings
 from .steadiness import steadiness_flags
 
 MAX_IN_DOUBT = 0.5

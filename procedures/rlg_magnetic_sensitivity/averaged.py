@@ -21,7 +21,7 @@ from procedures.estimation.sine import LineSums, legendre_columns, line_columns,
 from .dataset import Array, Averaged, Mask, Segment
 from .field import stretch_of_field
 from .frequencies import Drive, group_size
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 
 Index = NDArray[np.int64]
 Model = Callable[[Index], Array]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import EARTH_RATE_DEG_PER_H
 from procedures.estimation.flags import frozen
 from procedures.estimation.frozen import repeated_rows, stuck_rows
 from procedures.estimation.noise import grid_index
@@ -34,7 +35,6 @@ from .frequencies import (
 from .gyro import GyroFit
 
 AMPLITUDE_RANGE_MT = (0.1, 2.0)
-EARTH_RATE_DEG_PER_H = 15.041
 TURNS_TOO_FAST = 3.0 * EARTH_RATE_DEG_PER_H
 """A mean output beyond three times the earth's rate is no gyro at rest."""
 TOO_QUIET_DEG_PER_SQRT_H, TOO_SLOW_DEG_PER_H = 5e-5, 0.5

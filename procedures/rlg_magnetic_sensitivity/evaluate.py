@@ -24,9 +24,8 @@ from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slop
 from .dataset import AXES, METHOD, QUANTITY, UNDRIVEN, UNIT, RlgAnalysis, RlgDataset
 from .from_import import Conditions, dataset_of_import
 from .from_record import dataset_of_run, field_record, segment_of_unit
-from .parameters import RlgParameters
+from .parameters import AnalysisSettings, RlgParameters
 from .records import GAUSSMETER, GYRO, PlannedRecord, check_of, sensitivity_records
-from .settings import AnalysisSettings
 from .steadiness import Tested, background, flags_of, repeated
 
 if TYPE_CHECKING:
@@ -161,7 +160,9 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
 def settings(parameters: RlgParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
     stated = parameters.undriven_sensitivity_deg_per_h_per_mT
-    return AnalysisSettings(**dict(parameters.thresholds), undriven_sensitivity=stated)
+    return AnalysisSettings.model_construct(
+        **dict(parameters.thresholds), undriven_sensitivity=stated
+    )
 
 
 def undriven_inputs(

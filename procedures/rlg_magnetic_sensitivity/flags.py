@@ -14,7 +14,7 @@ from station.findings import Estimate, Flag
 from .dataset import AXES, UNDRIVEN, Averaged, LineDetail, Segment, SegmentDetail
 from .field import FieldFit
 from .frequencies import loss
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 
 MATTERS = 0.5
 """Of u: what an axis that was not driven may add before it is flagged."""

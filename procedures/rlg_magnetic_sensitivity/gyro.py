@@ -31,7 +31,7 @@ from procedures.estimation.sine import (
 from station.findings import Published
 
 from .dataset import QUANTITY, UNIT, Array, Complex, Mask, Segment
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 
 
 @dataclass(frozen=True)

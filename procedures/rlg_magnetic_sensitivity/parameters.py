@@ -7,6 +7,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.thresholds import (
+    FIELD_DIFFERS,
+    GAP,
+    MODEL_TOO_STIFF,
+    NOT_SIGNIFICANT,
+    OUTLIER,
+)
 from procedures.rlg_magnetic_sensitivity import frequencies
 from procedures.rlg_magnetic_sensitivity.frequencies import (
     FEWEST_CYCLES,
@@ -15,8 +22,6 @@ from procedures.rlg_magnetic_sensitivity.frequencies import (
     LARGEST_UNDRIVEN,
 )
 from station.fields import Hertz, StrictModel, Unit, WarmUpWindow
-
-from .settings import AnalysisSettings
 
 Axis = Literal["IA", "NA", "LA"]
 COIL_OF_AXIS: dict[str, str] = {"IA": "x", "NA": "y", "LA": "z"}
@@ -54,15 +59,35 @@ class Stop(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.not_significant
-    quadrature_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.quadrature_significant
-    field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = (
-        AnalysisSettings.field_differs_from_commanded
-    )
-    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
-    non_integer_cycles: Annotated[float, Field(gt=0)] = AnalysisSettings.non_integer_cycles
-    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
-    checks_differ: Annotated[float, Field(gt=0)] = AnalysisSettings.checks_differ
+    not_significant: Annotated[float, Field(gt=0)] = NOT_SIGNIFICANT
+    quadrature_significant: Annotated[float, Field(gt=0)] = 3.0
+    field_differs_from_commanded: Annotated[float, Unit("1"), Field(gt=0)] = FIELD_DIFFERS
+    gap: Annotated[float, Field(gt=1)] = GAP
+    non_integer_cycles: Annotated[float, Field(gt=0)] = 0.001
+    model_too_stiff: Annotated[float, Field(gt=0)] = MODEL_TOO_STIFF
+    checks_differ: Annotated[float, Field(gt=0)] = 3.0
+
+
+class AnalysisSettings(Thresholds):
+    """With the choices of the estimator, which no plan states among its thresholds.
+
+    Ratios are multiples of the standard uncertainty unless the name says otherwise;
+    `non_integer_cycles` is in cycles, `gap` in nominal intervals,
+    `field_differs_from_commanded` is relative; `undriven_sensitivity` (deg/h/mT) is the
+    largest magnitude of the sensitivity of an axis that was not driven.
+    """
+
+    outlier: float = OUTLIER
+    max_drift_order: int = 4
+    max_autoregression_order: int = 16
+    fewest_cycles: float = 3.0
+    highest_frequency: float = 0.45
+    undriven_sensitivity: float = LARGEST_UNDRIVEN
+
+    @property
+    def undriven_u(self) -> float:
+        """The standard uncertainty of such a sensitivity: uniform between the bounds."""
+        return self.undriven_sensitivity / math.sqrt(3.0)
 
 
 class RlgParameters(StrictModel):

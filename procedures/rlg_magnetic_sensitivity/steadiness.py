@@ -17,7 +17,7 @@ from station.findings import Flag
 from .dataset import AXES, Array, Complex, RlgAnalysis, Segment
 from .field import FieldFit
 from .gyro import GyroFit, fit_gyro
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 
 MAX_BLOCKS = 12
 MIN_CYCLES = 2.0

@@ -28,9 +28,9 @@ from .dataset import (
 )
 from .flags import result_flags
 from .frequencies import agreed
+from .parameters import AnalysisSettings
 from .precession import Precession, look_at_all
 from .relabelled import relabelled_flags
-from .settings import AnalysisSettings
 from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
 from .signs import sign_flags

@@ -276,8 +276,8 @@ def look_at_shots(looks: Sequence[Shot], parameters: SerfParameters) -> list[Pre
     A shot alone may take a baseline for its tone.
     """
     from .dataset import SerfDataset
+    from .parameters import AnalysisSettings
     from .precession import look_at_all
-    from .settings import AnalysisSettings
 
     dataset = SerfDataset(
         looks,

@@ -17,8 +17,7 @@ from .analysis import analyse
 from .cell import CHANNELS, DIGITIZER, PUMP
 from .dataset import SerfDataset, Shot
 from .from_import import dataset_of_import
-from .parameters import SerfParameters
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings, SerfParameters
 from .shots import AXES, REPEATED, Wanted
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
 
 def settings(parameters: SerfParameters) -> AnalysisSettings:
     """Return the analysis settings of a plan."""
-    return AnalysisSettings(**dict(parameters.thresholds))
+    return AnalysisSettings.model_construct(**dict(parameters.thresholds))
 
 
 def common_inputs(dataset: SerfDataset) -> Iterator[InputQuantity]:

@@ -11,7 +11,7 @@ from station.findings import Estimate, Flag, contradiction
 
 from .checks import PublishedAngles, outside_the_isotope, slowing_down_bounds
 from .dataset import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, Frequencies, SerfDataset, scale_axis
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 from .shots import PAIRS
 
 CHANCE = 4.0

@@ -18,8 +18,8 @@ from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
 from .dataset import Frequencies, SerfDataset
 from .fading import fading_trend
 from .joint import JointFit, NoJointFit, Record, fit_jointly, joint_start
+from .parameters import AnalysisSettings
 from .precession import Precession, common_decay, decays
-from .settings import AnalysisSettings
 from .shots import AXES, SPINS, SlowingDown
 from .spin_motion import NO_LEAN, Lean, decay_line, fields_in_light, lean_of
 from .tone import pooled, pooled_chirp, wild_samples

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
+from procedures.common.thresholds import GAP, MODEL_TOO_STIFF, OUTLIER
 from station.fields import StrictModel, Unit
 
-from .settings import AnalysisSettings
 from .shots import (
     AXES,
     GAMMA_HZ_PER_NT,
@@ -68,11 +68,25 @@ class Depolarising(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    residual_field_large_nT: Nanotesla = AnalysisSettings.residual_field_large_nT
-    few_cycles: Annotated[float, Field(ge=1)] = AnalysisSettings.few_cycles
-    chirp: Annotated[float, Unit("1"), Field(gt=0)] = AnalysisSettings.chirp
-    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
-    model_too_stiff: Annotated[float, Field(gt=0)] = AnalysisSettings.model_too_stiff
+    residual_field_large_nT: Nanotesla = 1.5
+    few_cycles: Annotated[float, Field(ge=1)] = 1.5
+    chirp: Annotated[float, Unit("1"), Field(gt=0)] = 0.01
+    gap: Annotated[float, Field(gt=1)] = GAP
+    model_too_stiff: Annotated[float, Field(gt=0)] = MODEL_TOO_STIFF
+
+
+class AnalysisSettings(Thresholds):
+    """With the choices of the estimator, which no plan states among its thresholds.
+
+    `few_cycles` within the 1/e time; `residual_field_large_nT` magnitude; `chirp` relative change
+    of the frequency over the decay, which must also be `chirp_u` of its uncertainties; `gap` in
+    nominal intervals; `model_too_stiff` lag-1 correlation of a shot's residuals. Samples before
+    `skip_s`, while the coils' currents rise, are left out.
+    """
+
+    outlier: float = OUTLIER
+    chirp_u: float = 5.0
+    skip_s: float = 0.0
 
 
 class SerfParameters(StrictModel):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from procedures.estimation.frozen import equal_runs
 
 from .dataset import SerfDataset, Shot
-from .settings import AnalysisSettings
+from .parameters import AnalysisSettings
 from .shots import MIN_CYCLES, MIN_SIGNAL_TO_NOISE
 from .spin_motion import DecayLine, decay_line
 from .tone import NoTone, ToneFit, fit_tone

@@ -14,8 +14,8 @@ from procedures.estimation.flags import Gaps, excitation_flags, gaps_of
 from station.findings import Flag, contradiction
 
 from .dataset import SerfDataset, Shot, ShotResult
+from .parameters import AnalysisSettings
 from .precession import Precession
-from .settings import AnalysisSettings
 from .shots import AXES, GAMMA_HZ_PER_NT, MIN_SIGNAL_TO_NOISE, SPINS
 
 Array = NDArray[np.float64]

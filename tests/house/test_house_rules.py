@@ -81,7 +81,8 @@ def allowed(importer: str, imported: str) -> bool:
         return True
     if within(importer, "procedures"):
         own = ".".join(importer.split(".")[:2])
-        return within(imported, own, "procedures.estimation", "station")
+        shared = ("procedures.common", "procedures.estimation", "station")
+        return within(imported, own, *shared)
     if within(importer, "drivers"):
         return within(
             imported,

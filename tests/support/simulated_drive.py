@@ -15,15 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fog_fixture import EARTH_DEG_PER_S
 
-from procedures.fog_scale_factor_temperature.dataset import (
-    AXES,
-    PPM,
-    SECONDS_PER_HOUR,
-    Array,
-    Drive,
-)
-from procedures.fog_scale_factor_temperature.verification import EARTH_RATE_DEG_PER_H
+from procedures.common.constants import SECONDS_PER_HOUR
+from procedures.fog_scale_factor_temperature.dataset import AXES, PPM, Array, Drive
 
 STOP_S = 20.0
 STRAIGHT_S = 40.0
@@ -129,7 +124,7 @@ def _body_rates_deg_per_s(
             -sr * change[1] + cr * cp * change[0],
         ]
     )
-    earth = np.radians(EARTH_RATE_DEG_PER_H / SECONDS_PER_HOUR)
+    earth = np.radians(EARTH_DEG_PER_S)
     latitude = np.radians(latitude_deg)
     north, down = earth * np.cos(latitude), -earth * np.sin(latitude)
     turned = np.array(

@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 
 from procedures.accelerometer_magnetic_sensitivity.analysis import analyse
 from procedures.accelerometer_magnetic_sensitivity.outlook import expected_uncertainty
-from procedures.accelerometer_magnetic_sensitivity.settings import AnalysisSettings
+from procedures.accelerometer_magnetic_sensitivity.parameters import AnalysisSettings
 
 WARM_UP_TIME_S = 1500.0
 

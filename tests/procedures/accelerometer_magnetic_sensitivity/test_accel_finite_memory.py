@@ -19,7 +19,7 @@ from procedures.accelerometer_magnetic_sensitivity.model import (
     judge,
     model_columns,
 )
-from procedures.accelerometer_magnetic_sensitivity.settings import AnalysisSettings
+from procedures.accelerometer_magnetic_sensitivity.parameters import AnalysisSettings
 
 Array = NDArray[np.float64]
 

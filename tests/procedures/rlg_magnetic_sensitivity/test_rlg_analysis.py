@@ -18,7 +18,7 @@ from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset, Segmen
 from procedures.rlg_magnetic_sensitivity.evaluate import undriven_inputs
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.gyro import published_value
-from procedures.rlg_magnetic_sensitivity.settings import AnalysisSettings
+from procedures.rlg_magnetic_sensitivity.parameters import AnalysisSettings
 from station.uncertainty import combine
 
 EXAMPLES = {

@@ -29,7 +29,7 @@ from campaigns.planted.judging import (
 from procedures.estimation.sine import legendre_columns
 from procedures.rlg_magnetic_sensitivity.dataset import RlgAnalysis, Segment
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
-from procedures.rlg_magnetic_sensitivity.settings import AnalysisSettings
+from procedures.rlg_magnetic_sensitivity.parameters import AnalysisSettings
 from procedures.rlg_magnetic_sensitivity.steadiness import background, flags_of, repeated
 from station.findings import Estimate, Flag
 

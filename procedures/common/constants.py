@@ -1,0 +1,12 @@
+"""Constants of nature and of units that procedures share; each stands here only."""
+
+from __future__ import annotations
+
+import math
+
+EARTH_RATE_DEG_PER_H = 15.041
+"""Against the stars, 15.041067 deg/h: what is left off is 5 ppm, 0.00007 deg/h at most."""
+SECONDS_PER_HOUR = 3600.0
+FULL_TURN_DEG = 360.0
+ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
+ARCSEC_PER_RAD = 3600.0 * 180.0 / math.pi
