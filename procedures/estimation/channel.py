@@ -57,10 +57,10 @@ class Channel:
     """A channel as a procedure declares it.
 
     `name` is as a sentence needs it (`the output of IA`), `source` is what gives it, `low` and
-    `high` what no sound reading goes beyond, `quantum` a step that is known, `harmless` a jump that is
-    none, all in `unit`; `then`
-    is what is done with readings that are taken out. A `slow` channel goes on from row to row. The
-    flags of a coarse and of a stepped channel are raised where it is stated what they mean.
+    `high` what no sound reading goes beyond, `quantum` a step that is known, `harmless` a jump that
+    is none, all in `unit`; `then` is what is done with readings that are taken out. A `slow`
+    channel goes on from row to row. The flags of a coarse and of a stepped channel are raised where
+    it is stated what they mean.
     """
 
     name: str
