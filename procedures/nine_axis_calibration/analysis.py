@@ -96,7 +96,7 @@ def analyse(
     published = published_values(dataset, turned)
     estimates = (
         *bias_estimates(bias, freedom, wider),
-        *scale_estimates(axes, means, dataset.prior),
+        *scale_estimates(axes, means, dataset.prior, inertial),
     )
     flags = (
         *frozen_flags(*frozen),

@@ -78,7 +78,8 @@ def _gain_of(analysis: NineAxisAnalysis) -> tuple[Array, str]:
     to_accelerometers = analysis.others.misalignment if analysis.others is not None else ()
     if not to_accelerometers:
         return analysis.gain, FRAME
-    gain = np.diag(np.diag(analysis.gain))
+    own = [analysis.estimate(SCALE_FACTOR, axis).value for axis in AXES]
+    gain = np.diag(np.array(own, dtype=np.float64))
     for estimate in to_accelerometers:
         assert estimate.axis is not None
         assert estimate.value is not None

@@ -18,6 +18,7 @@ from .scale import ScaleSolution, Value
 from .turning import AxisMeans
 
 if TYPE_CHECKING:
+    from .all_axes.inertial import Inertial
     from .all_axes.results import OtherResults
 
 BIAS, SCALE_FACTOR, ASYMMETRY = "bias", "scale_factor", "asymmetry"
@@ -100,10 +101,20 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
 
 
 def scale_estimates(
-    axes: Mapping[int, ScaleSolution | None], means: Mapping[int, AxisMeans], prior: Prior
+    axes: Mapping[int, ScaleSolution | None],
+    means: Mapping[int, AxisMeans],
+    prior: Prior,
+    inertial: Inertial | None = None,
 ) -> list[Estimate]:
-    """Return all results of the turned axes, name by name."""
-    estimates = [_scale(axis, solution, means[axis]) for axis, solution in axes.items()]
+    """Return all results of the turned axes, name by name.
+
+    Where the accelerometers say how each axis was turned, a scale factor is that about the gyro's
+    own axis; else about the table's.
+    """
+    estimates = [
+        _scale(axis, solution, means[axis], inertial.seen_about(axis) if inertial else (1.0, 0.0))
+        for axis, solution in axes.items()
+    ]
     for name in (ASYMMETRY, NONLINEARITY):
         for axis, solution in axes.items():
             value = None if solution is None else getattr(solution, name)
@@ -114,19 +125,26 @@ def scale_estimates(
     return estimates
 
 
-def _scale(axis: int, solution: ScaleSolution | None, means: AxisMeans) -> Estimate:
+def _scale(
+    axis: int,
+    solution: ScaleSolution | None,
+    means: AxisMeans,
+    seen: tuple[float, float],
+) -> Estimate:
     if solution is None:
         return undetermined(SCALE_FACTOR, AXES[axis], UNITS[SCALE_FACTOR], "weighted")
     scale = solution.scale_factor
+    share, share_u = seen
+    value = scale.value / share
     return Estimate(
         SCALE_FACTOR,
         AXES[axis],
-        scale.value,
+        value,
         UNITS[SCALE_FACTOR],
-        scale.standard_uncertainty,
+        float(np.hypot(scale.standard_uncertainty / share, value * share_u)),
         solution.degrees_of_freedom,
         _method(solution),
-        {"time_scale": scale.value, "encoder_angle_deg": _by_angle(solution, means)},
+        {"time_scale": value, "encoder_angle_deg": _by_angle(solution, means)},
     )
 
 

@@ -57,6 +57,22 @@ class Bench:
     poses: tuple[str, ...] = (*FACES, *EDGES)
     turned: tuple[str, ...] = ("X", "Y", "Z")
     field_at_poses: bool = True
+    mounting_arcmin: float | None = None
+    """How a person mounts the sensor on the table, as the tilt where None."""
+    lever_g: float = 1e-3
+    """Lever arms in g per (rad/s)^2: 10 cm are 0.01."""
+    apart_g: float = 0.0
+    """How far the accelerometers' places differ, in the same unit."""
+    accelerometer_step_g: float = 0.0
+    accelerometer_limit_g: float = np.inf
+    magnetometer_step_nT: float = 0.0
+    magnetometer_limit_nT: float = np.inf
+    platform_nT: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """A field fixed to what turns: along its north at the encoder's zero, its west there, up."""
+    stands_on_platform: bool = False
+    axis_lean: bool = True
+    rates: tuple[float, ...] = RATES
+    inclination: bool = False
     draw: np.random.Generator = field(init=False)
     sensor: Sensor = field(init=False)
 
@@ -73,6 +89,8 @@ class Bench:
             "accelerometer_bias": "0.001 g",
             "edge": f"{self.edge_deg} deg",
         }
+        if self.mounting_arcmin is not None:
+            stated["mounting"] = f"{self.mounting_arcmin} arcmin"
         prior = DatasetPrior.model_validate(stated)
         axis_lean = self.draw.normal(0.0, np.radians(self.tilt_arcmin / 60.0))
         rests = [self._rest(prior, word) for word in ("Z", *self.poses)]
@@ -84,13 +102,19 @@ class Bench:
             np.radians(self.tilt_arcmin / 60.0),
             field_nT=FIELD_NT + self.draw.normal(0.0, 50.0),
             field_u_nT=50.0,
+            inclination_rad=np.radians(INCLINATION_DEG + self.draw.normal(0.0, 0.1))
+            if self.inclination
+            else None,
+            inclination_u_rad=np.radians(0.1) if self.inclination else 0.0,
         )
 
-    def _up(self, prior: DatasetPrior, word: str) -> tuple[Array, Array, float]:
+    def _up(
+        self, prior: DatasetPrior, word: str, arcmin: float | None = None
+    ) -> tuple[Array, Array, float]:
         """Return nominal and true direction of up in the sensor, and how well it is known."""
         nominal = direction(word)
         assert nominal is not None
-        u_rad = lean_rad(prior, nominal, prior.tilt_arcmin)
+        u_rad = lean_rad(prior, nominal, prior.tilt_arcmin if arcmin is None else arcmin)
         across = np.linalg.svd(nominal[None, :])[2][1:]
         base = nominal + self.draw.normal(0.0, u_rad, 2) @ across
         turn = Rotation.from_rotvec(self.sensor.boresight)
@@ -100,19 +124,23 @@ class Bench:
         """Return what accelerometers read of specific forces (n, 3), with noise."""
         one = self.sensor
         read = one.bias_g + one.scale * (force_g @ one.shape.T) + one.second * force_g**2
-        return np.asarray(read + self.draw.normal(0.0, self.accelerometer_g, force_g.shape))
+        read = read + self.draw.normal(0.0, self.accelerometer_g, force_g.shape)
+        return recorded(read, self.accelerometer_step_g, self.accelerometer_limit_g)
 
     def _magnetic(self, field_nT: Array) -> Array:
         """Return what the magnetometer reads of fields (n, 3), with noise."""
         read = self.sensor.offset_nT + field_nT @ self.sensor.gain.T
-        return np.asarray(read + self.draw.normal(0.0, self.magnetometer_nT, field_nT.shape))
+        read = read + self.draw.normal(0.0, self.magnetometer_nT, field_nT.shape)
+        return recorded(read, self.magnetometer_step_nT, self.magnetometer_limit_nT)
 
     def _rest(self, prior: DatasetPrior, word: str) -> Rest:
         nominal, up, u_rad = self._up(prior, word)
         count = self.samples
         level, upwards = earth_field(0.0)
-        toward = level * across_at(up, self.draw.uniform(0.0, 2.0 * np.pi))
-        whole = np.tile(up * upwards + toward, (count, 1))
+        north = across_at(up, self.draw.uniform(0.0, 2.0 * np.pi))
+        whole = np.tile(up * upwards + level * north, (count, 1))
+        if self.stands_on_platform:
+            whole = whole + self._of_platform(up, across_at(up, self.draw.uniform(0.0, 2 * np.pi)))
         return Rest(
             f"pose {word}",
             nominal,
@@ -122,14 +150,22 @@ class Bench:
             self._magnetic(whole) if self.field_at_poses else None,
         )
 
+    def _of_platform(self, up: Array, north: Array) -> Array:
+        """Return the platform's field (3,) in the sensor, by where north is at its zero."""
+        first, second, along = self.platform_nT
+        return np.asarray(first * north + second * np.cross(up, north) + along * up)
+
     def _mounting(self, prior: DatasetPrior, word: str, axis_lean: float) -> Mounted:
-        nominal, up, u_rad = self._up(prior, word)
+        nominal, up, u_rad = self._up(prior, word, self.mounting_arcmin)
         level, upwards = earth_field(axis_lean)
         north = across_at(up, self.draw.uniform(0.0, 2.0 * np.pi))
-        arm = self.draw.normal(0.0, 0.001, 3)
-        arm -= (arm @ up) * up
+        arm = self.draw.normal(0.0, self.lever_g, 3)
+        apart = self.draw.normal(0.0, self.apart_g, (3, 3)) if self.apart_g else np.zeros((3, 3))
+        # The force at the place of each accelerometer, of which it feels its own component.
+        arms = arm + apart
+        arms -= (arms @ up)[:, None] * up
         records = []
-        for rate in [sense * one for one in RATES for sense in (1.0, -1.0)]:
+        for rate in [sense * one for one in self.rates for sense in (1.0, -1.0)]:
             count = max(round(360.0 / abs(rate) * 2.0), 36)
             end_deg = self.draw.uniform(0.0, 360.0) + rate * np.arange(1.0, count + 1.0)
             middle = np.radians(end_deg - 0.5 * rate)[:, None]
@@ -137,8 +173,9 @@ class Bench:
             field_nT = up * upwards + level * shrunk * (
                 north * np.cos(middle) - np.cross(up, north) * np.sin(middle)
             )
+            field_nT = field_nT + self._of_platform(up, north)
             spin = np.radians(rate)
-            force = np.tile(up, (count, 1)) + arm * spin**2
+            force = np.tile(up + np.diag(arms) * spin**2, (count, 1))
             turned = self.sensor.gyro_scale * (self.sensor.gyro_towards @ up) * rate
             earth = EARTH_DEG_PER_H * np.sin(np.radians(LATITUDE_DEG)) / 3600.0
             still = self.sensor.gyro_scale * up * earth + self.sensor.per_g @ up / 3600.0
@@ -152,6 +189,12 @@ class Bench:
             )
             records.append(Turned(turn, self._force(force), self._magnetic(field_nT)))
         return Mounted(f"mounting {word}", nominal, u_rad, tuple(records))
+
+
+def recorded(values: Array, step: float, limit: float) -> Array:
+    """Return values as a recorder of these steps, cut off at a limit, writes them."""
+    rounded = np.round(values / step) * step if step else values
+    return np.asarray(np.clip(rounded, -limit, limit))
 
 
 def sensor_of(draw: np.random.Generator) -> Sensor:
@@ -193,6 +236,7 @@ def truth_of(sensor: Sensor) -> dict[tuple[str, str], float]:
         found["accelerometer_scale_factor", axis] = sensor.scale[n]
         found["accelerometer_second_order", axis] = 1e6 * sensor.second[n]
         found["boresight", axis] = arcsec * sensor.boresight[n]
+        found["scale_factor", axis] = sensor.gyro_scale[n]
         found["magnetometer_offset", axis] = sensor.offset_nT[n]
         found["magnetometer_scale_factor", axis] = sensor.gain[n, n]
         for m, other in enumerate(axes):

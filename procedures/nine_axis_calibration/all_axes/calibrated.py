@@ -23,7 +23,7 @@ def other_sensors(others: OtherResults) -> dict[str, object]:
     data: dict[str, object] = {}
     if others.inertial is not None:
         data["accelerometers"] = accelerometers(others.inertial)
-    if others.magnetic is not None:
+    if others.magnetic is not None and all(map(others.magnetic.determines, np.eye(12))):
         frame = "mounting" if others.inertial is None else "accelerometers"
         data["magnetometer"] = magnetometer(others.magnetic, frame)
     return data

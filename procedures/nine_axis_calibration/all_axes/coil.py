@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.nine_axis_calibration.dataset import AXES
-from procedures.nine_axis_calibration.means import good_samples
+from procedures.nine_axis_calibration.means import QUANTUM_PART, good_samples, smallest_step
 from station.findings import Estimate, InputQuantity
 
 from .stands import Array, CoilRecord
@@ -41,6 +41,7 @@ def solve_coil(record: CoilRecord) -> InCoil | None:
     freedom = np.zeros(3)
     for axis in range(3):
         output = record.output_nT[:, axis]
+        step = smallest_step([output])
         good = np.isfinite(output) & np.isfinite(record.applied_nT).all(axis=1)
         for _ in range(2):
             applied = record.applied_nT[good]
@@ -51,9 +52,9 @@ def solve_coil(record: CoilRecord) -> InCoil | None:
             solved = inverse @ (design.T @ output[good])
             left = output - solved[0] - record.applied_nT @ solved[1:]
             freedom[axis] = len(applied) - UNKNOWNS
-            variance = float(np.sum(left[good] ** 2)) / freedom[axis]
+            variance = max(float(np.sum(left[good] ** 2)) / freedom[axis], step**2 / 12.0)
             state[axis], covariance[axis] = solved, variance * inverse
-            good &= good_samples(left, THRESHOLD)
+            good &= good_samples(left, THRESHOLD, QUANTUM_PART * step)
     return InCoil(state, covariance, freedom)
 
 

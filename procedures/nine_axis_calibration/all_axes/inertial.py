@@ -16,10 +16,12 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from procedures.nine_axis_calibration.attitude import rotation
+from procedures.nine_axis_calibration.dataset import TurnRecord
 
+from .channels import Steps
 from .response import Response, response_of, with_nonlinearity
-from .stands import Array, Mounted, OtherAxes, Rest, plane_across
-from .waves import at_rest, waves_of, without_rate
+from .stands import Array, Mounted, OtherAxes, plane_across
+from .waves import at_rest, steps_at, waves_of, without_rate
 
 WELL_KNOWN_RAD = float(np.radians(0.1))
 """Six arcmin: a direction that is known better counts as known."""
@@ -29,12 +31,13 @@ PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 B, K, N, K2, TURN, M = (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15), 15)
 SENSOR = 21
 FEWEST = 4
+UPRIGHT = 0.99
 
 
 @dataclass(frozen=True)
 class Orientation:
-    """A direction that was felt: nominal `up` (3,), known to `u_rad`, mean force (3,) in g and u;
-    of a mounting what the gyros read of its turns."""
+    """A direction that was felt: nominal `up` (3,), known to `u_rad`, mean force (3,) in g and u,
+    NaN of an axis that felt nothing; of a mounting what the gyros read of its turns."""
 
     name: str
     up: Array
@@ -46,7 +49,8 @@ class Orientation:
 
 @dataclass(frozen=True)
 class Inertial:
-    """The solution: state (21 + 2 s,), covariance, directions `up` (s, 3) of orientations in S.
+    """The solution: state (21 + 2 s,), covariance, directions `up` (s, 3) of orientations in S and
+    their derivatives `up_by_state` (3 s, 21 + 2 s).
 
     `determined` says whether bias, scale factor and non-orthogonality are, `second_order` whether
     that is, `gyros` whether all gyros were turned with the accelerometers. `wider` is by how much
@@ -57,11 +61,16 @@ class Inertial:
     state: Array
     covariance: Array
     up: Array
-    up_covariance: Array
+    up_by_state: Array
     determined: bool
     second_order: bool
     gyros: bool
     wider: float
+
+    @property
+    def up_covariance(self) -> Array:
+        """The covariance (3 s, 3 s) of what points up."""
+        return np.asarray(self.up_by_state @ self.covariance @ self.up_by_state.T)
 
     def force_in_base(self, read_g: Array) -> Array:
         """Return specific forces (n, 3) along the base's axes, in g, from what was read."""
@@ -72,53 +81,80 @@ class Inertial:
         force = (read_g - self.state[B] - self.state[K2] * force**2) / self.state[K]
         return np.asarray(np.linalg.solve(shape, force.T).T @ rotation(self.state[TURN]))
 
+    def seen_about(self, gyro: int) -> tuple[float, float]:
+        """Return the rate about a gyro's own axis over the table's, as its axis was turned; and u.
+
+        The table's axis is not the gyro's: of 3 arcmin 0.4 ppm are lost, and what the misalignment
+        brings is as much. One where the gyro's axis was not turned.
+        """
+        turned = [
+            n
+            for n, orientation in enumerate(self.orientations)
+            if orientation.response is not None and orientation.up[gyro] > UPRIGHT
+        ]
+        if not turned or not self.gyros:
+            return 1.0, 0.0
+        count = len(self.state)
+        slope, share = np.zeros(count + 3 * len(self.orientations)), 0.0
+        own = [(place, other) for place, (row, other) in enumerate(PAIRS) if row == gyro]
+        for n in turned:
+            share += self.up[n][gyro] / len(turned)
+            slope[count + 3 * n + gyro] = 1.0 / len(turned)
+            for place, other in own:
+                lean = self.state[M + place]
+                share += lean * self.up[n][other] / len(turned)
+                slope[M + place] += self.up[n][other] / len(turned)
+                slope[count + 3 * n + other] = lean / len(turned)
+        by_state = slope[:count] + slope[count:] @ self.up_by_state
+        return float(share), float(np.sqrt(by_state @ self.covariance @ by_state))
+
     @property
     def bias_u_g(self) -> float:
         """The largest standard uncertainty of an accelerometer's bias, in g."""
         return float(np.sqrt(np.max(np.diag(self.covariance)[B])))
 
 
-def orientations_of(data: OtherAxes) -> tuple[Orientation, ...]:
-    """Return every direction in which accelerometers were recorded."""
+def orientations_of(data: OtherAxes) -> tuple[tuple[Orientation, ...], Steps]:
+    """Return every direction that the sensor stood in, and the steps of the accelerometers."""
+    steps = steps_at(data, "acceleration_g")
     orientations = [
-        *map(_orientation_of_rest, data.rests),
-        *map(_orientation_of_mounting, data.with_acceleration),
+        Orientation(rest.name, rest.up, rest.u_rad, *at_rest(rest.acceleration_g, steps))
+        for rest in data.rests
     ]
+    orientations += [_orientation_of_mounting(mounting, steps) for mounting in data.mountings]
     responses = with_nonlinearity([orientation.response for orientation in orientations])
     return tuple(
         replace(orientation, response=response)
         for orientation, response in zip(orientations, responses, strict=True)
-        if np.isfinite(orientation.force_g).all() and (orientation.force_u > 0).all()
-    )
+    ), steps
 
 
-def _orientation_of_rest(rest: Rest) -> Orientation:
-    return Orientation(rest.name, rest.up, rest.u_rad, *at_rest(rest, rest.acceleration_g))
-
-
-def _orientation_of_mounting(mounting: Mounted) -> Orientation:
+def _orientation_of_mounting(mounting: Mounted, steps: Steps) -> Orientation:
     samples = [
-        np.column_stack((record.turn.rate_deg_per_s, _there(record.acceleration_g)))
+        np.column_stack((record.turn.rate_deg_per_s, _or_none(record.acceleration_g, record.turn)))
         for record in mounting.records
     ]
     waves = waves_of(mounting, samples)
-    force, covariance = without_rate(mounting, waves, 3)
-    u = np.sqrt(np.diag(covariance))
-    return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response_of(waves))
+    force, u = without_rate(mounting, waves, 3, steps)
+    response = response_of(waves) if np.isfinite(u).any() else None
+    return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response)
 
 
-def _there(samples: Array | None) -> Array:
-    assert samples is not None
-    return samples
+def _or_none(samples: Array | None, turn: TurnRecord) -> Array:
+    return np.full((len(turn.time_s), 3), np.nan) if samples is None else samples
 
 
 def ranks(orientations: Sequence[Orientation]) -> tuple[bool, bool]:
-    """Return whether the nominal directions determine the first order, and the second."""
-    known = np.array(
-        [orientation.up for orientation in orientations if orientation.u_rad <= WELL_KNOWN_RAD]
-    ).reshape(-1, 3)
-    every = np.array([orientation.up for orientation in orientations]).reshape(-1, 3)
-    by_direction = np.column_stack((np.ones(len(known)), known))
+    """Return whether the directions that each axis felt determine it, and its second order."""
+    first, second = zip(*(_ranks_of(orientations, axis) for axis in range(3)), strict=True)
+    return all(first), all(second)
+
+
+def _ranks_of(orientations: Sequence[Orientation], axis: int) -> tuple[bool, bool]:
+    felt = [orientation for orientation in orientations if np.isfinite(orientation.force_u[axis])]
+    known = [orientation.up for orientation in felt if orientation.u_rad <= WELL_KNOWN_RAD]
+    every = np.array([orientation.up for orientation in felt]).reshape(-1, 3)
+    by_direction = np.column_stack((np.ones(len(known)), np.reshape(known, (-1, 3))))
     products = np.column_stack([every[:, i] * every[:, j] for i, j in CROSS])
     by_size = np.column_stack((every, every**2, products))
     first = _rank(by_direction) == FEWEST or _rank(by_size) == by_size.shape[1]
@@ -129,13 +165,11 @@ def _rank(matrix: Array) -> int:
     return int(np.linalg.matrix_rank(matrix, tol=1e-6)) if matrix.size else 0
 
 
-def solve_inertial(data: OtherAxes) -> Inertial | None:
-    """Return the fit; None where the directions do not determine the accelerometers."""
-    return solve_orientations(orientations_of(data), data)
+def solve_inertial(orientations: Sequence[Orientation], data: OtherAxes) -> Inertial | None:
+    """Return the fit of what was felt in each direction; gravity and priors are those of `data`.
 
-
-def solve_orientations(orientations: Sequence[Orientation], data: OtherAxes) -> Inertial | None:
-    """Return the fit of what was felt in each direction; gravity and priors are those of `data`."""
+    None where the directions do not determine the accelerometers.
+    """
     first, second = ranks(orientations)
     if not first:
         return None
@@ -171,7 +205,7 @@ def solve_orientations(orientations: Sequence[Orientation], data: OtherAxes) -> 
         whole,
         covariance,
         up,
-        by_state @ covariance @ by_state.T,
+        by_state,
         first,
         second,
         gyros,
@@ -217,9 +251,10 @@ def _residuals(
     read = state[B] + state[K] * (force @ shape.T) + state[K2] * force**2
     measured = np.array([orientation.force_g for orientation in orientations])
     u = np.array([orientation.force_u for orientation in orientations])
+    felt = np.isfinite(u)
     lean = state[SENSOR + 3 :].reshape(-1, 2)
     parts = [
-        ((measured - read) / u).ravel(),
+        ((measured - read)[felt] / u[felt]),
         (lean / [[orientation.u_rad] for orientation in orientations]).ravel(),
     ]
     if second_u:

@@ -3,27 +3,41 @@
 Outputs are o + A (n Z + c cos theta - (n x c) sin theta), c across n and H long, F^2 = H^2 + Z^2:
 n is what points up, theta the table's angle. A stand at rest is one of them at an unknown heading.
 The table's axis leans a little from the vertical, which moves H and Z of all turns alike, and of no
-stand at rest.
+stand at rest. A field fixed to what turns is the same in all turns of a mounting: with north at the
+encoder's zero it has three components for all mountings, and none at a stand beside the table.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.special import chdtrc
+from scipy.special import chdtrc, fdtrc
 
+from .channels import Steps
 from .inertial import SURE, Inertial
 from .stands import Array, Mounted, OtherAxes, Rest, plane_across
-from .waves import Wave, at_rest, waves_of
+from .waves import WHITE, Wave, at_rest, steps_at, waves_of
 
 O, A, F, I, AXIS = slice(0, 3), slice(3, 12), 12, 13, 14  # noqa: E741
-SENSOR = 15
+PLATFORM = slice(15, 18)
+SENSOR = 18
+RESULTS = 12
 FIELD_SCALE_NT = 50_000.0
 """Unknowns of the field are in units of it, so that all are about one."""
 SMALLEST = 1e-9
+FREE = 1e-11
+"""Of the normal matrix with a diagonal of ones: a smaller eigenvalue is a direction that nothing
+determines."""
+HALVINGS, SETTLED = 24, 0.03
+MOVED = 1e-3
+MAX_U = 0.02
+"""Of the field: where a result is less certain the solution is not straight enough for its u."""
+MAX_STEPS = 200
+"""Of the search, which takes thirty where the directions determine everything."""
 
 
 @dataclass(frozen=True)
@@ -42,37 +56,91 @@ class Felt:
 class Magnetic:
     """Offset (3,) in nT, matrix `gain` (3, 3), covariance (12, 12) of both, row by row.
 
-    `relative` says that no field was known: gains have mean one. `delay_s` (3,) is how late each
-    axis answers. `wider` is by how much uncertainties grew since the directions disagree.
+    `undetermined` (12, m) are the directions in which nothing determines them. `relative` says that
+    no field was known: gains have mean one. `delay_s` (3,) is how late each axis answers.
+    `wander_nT` is by how much the field differs from record to record beyond noise, `freedom` what
+    is left to see it by. `platform_nT` (3,) is a field fixed to what turns, along north at the
+    encoder's zero, along west, and up; zero where the turns do not ask for one.
     """
 
     offset_nT: Array
     gain: Array
     covariance: Array
+    undetermined: Array
     relative: bool
-    wider: float
+    wander_nT: float
+    freedom: float
     field_nT: float
     inclination_deg: float
     delay_s: Array
+    platform_nT: Array
+    stands_left_out: bool
+
+    def determines(self, slope: Array) -> bool:
+        """Whether a result with these derivatives (12,) by offset and gain is determined."""
+        return bool(np.all(np.abs(slope @ self.undetermined) < MOVED * np.linalg.norm(slope)))
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether a field turned with the sensor."""
+        return bool(self.platform_nT.any())
 
 
-def felt_of(data: OtherAxes) -> tuple[list[Felt], Array]:
-    """Return what was felt in every direction, and the delay of each axis in s (3,)."""
+@dataclass(frozen=True)
+class _Fit:
+    """A solution: its state, which unknowns were free, normal matrix of those, chi-square."""
+
+    state: Array
+    free: NDArray[np.bool_]
+    normal: Array
+    square: float
+    freedom: int
+
+    @property
+    def agrees(self) -> bool:
+        """Whether noise explains what is left."""
+        return self.freedom < 1 or float(chdtrc(self.freedom, self.square)) >= SURE
+
+    def covariance(self) -> tuple[Array, Array]:
+        """Return the covariance of the state, and the directions in which nothing determines it."""
+        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
+        values, vectors = np.linalg.eigh(self.normal / np.outer(scale, scale))
+        sure = values > FREE
+        inverse = (vectors[:, sure] / values[sure]) @ vectors[:, sure].T / np.outer(scale, scale)
+        covariance = np.zeros((len(self.state), len(self.state)))
+        covariance[np.ix_(self.free, self.free)] = inverse
+        unknown = np.zeros((len(self.state), int(np.sum(~sure))))
+        unknown[self.free] = vectors[:, ~sure] / scale[:, None]
+        undetermined = np.column_stack((unknown, np.eye(len(self.state))[:, ~self.free]))
+        return covariance, undetermined / np.linalg.norm(undetermined, axis=0)
+
+    @property
+    def rank(self) -> int:
+        """How many combinations of the free unknowns are determined."""
+        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
+        return int(np.sum(np.linalg.eigvalsh(self.normal / np.outer(scale, scale)) > FREE))
+
+
+def felt_of(data: OtherAxes) -> tuple[list[Felt], Array, Steps]:
+    """Return what was felt in every direction, delay of each axis in s (3,), the steps of each."""
+    steps = steps_at(data, "field_nT")
     mounted = [(mounting, _waves(mounting)) for mounting in data.with_field]
     delay_s = _delay([waves for _, waves in mounted])
-    felt = [_averaged(mounting, waves, delay_s) for mounting, waves in mounted if waves]
-    felt += [_of_rest(rest, rest.field_nT) for rest in data.rests if rest.field_nT is not None]
-    whole = [direction for direction in felt if np.isfinite(direction.wave[0]).all()]
-    return whole, delay_s
+    felt = [_averaged(mounting, waves, delay_s, steps) for mounting, waves in mounted if waves]
+    felt += [
+        _of_rest(rest, rest.field_nT, steps) for rest in data.rests if rest.field_nT is not None
+    ]
+    some = [direction for direction in felt if np.isfinite(direction.wave[0]).any()]
+    return some, delay_s, steps
 
 
 def _waves(mounting: Mounted) -> list[Wave]:
     samples = [record.field_nT for record in mounting.records if record.field_nT is not None]
-    return [wave for wave in waves_of(mounting, samples) if np.isfinite(wave.value).all()]
+    return [wave for wave in waves_of(mounting, samples) if np.isfinite(wave.value).any()]
 
 
-def _of_rest(rest: Rest, field_nT: Array) -> Felt:
-    mean, u = at_rest(rest, field_nT)
+def _of_rest(rest: Rest, field_nT: Array, steps: Steps) -> Felt:
+    mean, u = at_rest(field_nT, steps)
     wave = np.full((3, 3), np.nan)
     wave[0] = mean
     return Felt(rest.name, wave, np.diag(np.tile(u**2, 3)), rest.up, turned=False)
@@ -90,73 +158,208 @@ def _delay(mounted: Sequence[Sequence[Wave]]) -> Array:
             if not (bool(forth.any()) and bool(back.any())):
                 continue
             ahead = complex_[forth].mean(axis=0) * np.conj(complex_[back].mean(axis=0))
+            ahead = np.nan_to_num(ahead)
             share = size**2 * np.abs(ahead)
             delay += share * np.angle(ahead) / (2.0 * size)
             weight += share
     return np.asarray(delay / weight)
 
 
-def _averaged(mounting: Mounted, waves: Sequence[Wave], delay_s: Array) -> Felt:
-    """Return the wave of a mounting, both senses alike: what goes with the rate drops out."""
+def _averaged(mounting: Mounted, waves: Sequence[Wave], delay_s: Array, steps: Steps) -> Felt:
+    """Return the wave of a mounting, both senses alike: what goes with the rate drops out.
+
+    An axis that a sense does not have is NaN. The axis along the table's is not swept through its
+    steps by the turns, and keeps what they leave.
+    """
     senses = []
     for sign in (1.0, -1.0):
         own = [wave for wave in waves if np.sign(wave.rate_rad_per_s) == sign]
         if own:
-            senses.append(_weighted(own, delay_s))
+            senses.append(_weighted(own, delay_s, steps))
     value = np.mean([wave for wave, _ in senses], axis=0)
     covariance = np.sum([share for _, share in senses], axis=0) / len(senses) ** 2
+    left = steps.of_swing(np.nan_to_num(np.hypot(value[1], value[2])))
+    covariance += np.diag(np.concatenate((left**2, 2.0 * left**2, 2.0 * left**2)))
     return Felt(mounting.name, value, covariance, mounting.up, turned=True)
 
 
-def _weighted(waves: Sequence[Wave], delay_s: Array) -> tuple[Array, Array]:
-    weights = np.array([1.0 / max(float(wave.inverse[0, 0]), SMALLEST) for wave in waves])
-    weights /= weights.sum()
+def _weighted(waves: Sequence[Wave], delay_s: Array, steps: Steps) -> tuple[Array, Array]:
+    """Return the mean wave (3, 3) of one sense, records weighted by their length; covariance."""
+    length = np.array([1.0 / max(float(wave.inverse[0, 0]), SMALLEST) for wave in waves])
+    there = np.array([np.isfinite(wave.value[0]) for wave in waves])
+    shares = there * length[:, None]
+    total = shares.sum(axis=0)
     value, covariance = np.zeros((3, 3)), np.zeros((9, 9))
-    for weight, wave in zip(weights, waves, strict=True):
+    for share, wave in zip(shares, waves, strict=True):
+        weights = share / np.where(total > 0.0, total, np.nan)
         turned = (wave.value[1] + 1j * wave.value[2]) * np.exp(-1j * delay_s * wave.rate_rad_per_s)
-        value += weight * np.array([wave.value[0], turned.real, turned.imag])
-        covariance += weight**2 * np.kron(wave.inverse, np.diag(wave.sigma**2))
+        shifted = np.array([wave.value[0], turned.real, turned.imag])
+        value += np.where(share > 0.0, weights * shifted, np.where(total > 0.0, 0.0, np.nan))
+        sigma = np.nan_to_num(weights * np.maximum(wave.sigma, WHITE * steps.step))
+        covariance += np.kron(wave.inverse, np.diag(sigma**2))
     return value, covariance
 
 
-def solve_magnetic(data: OtherAxes, inertial: Inertial | None) -> Magnetic | None:
-    """Return the magnetometer's offset and matrix; None where the directions determine neither."""
-    felt, delay_s = felt_of(data)
-    turned = [direction for direction in felt if direction.turned]
-    if not turned:
-        return None
-    up, up_root = _known_up(felt, data, inertial)
-    known = data.field_nT is not None
-    size_nT = data.field_nT or FIELD_SCALE_NT
-    state = _start(felt, up, data, size_nT)
-    roots = [_root(direction) for direction in felt]
+def solve_magnetic(
+    felt: Sequence[Felt], delay_s: Array, data: OtherAxes, inertial: Inertial | None
+) -> Magnetic | None:
+    """Return the magnetometer's offset and matrix; None where the directions determine neither.
 
-    def residuals(at: Array) -> Array:
-        return _residuals(at, felt, roots, up, up_root, data, size_nT)
-
-    fit = least_squares(residuals, state, method="lm", xtol=1e-13, ftol=1e-13, gtol=1e-13)
-    normal = fit.jac.T @ fit.jac
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    eigen = np.linalg.eigvalsh(normal / np.outer(scale, scale))
-    if eigen[0] < 1e-11:
+    Where the records deny one common field (chi-square at 99.9 %), a field fixed to what turns is
+    solved for if that explains it (F test at 99.9 %): the stands are beside it, or where they deny
+    that, are left out. What is left then is given to every record as a variance of its own.
+    """
+    if not any(direction.turned for direction in felt):
         return None
-    freedom = len(fit.fun) - len(state)
-    square = 2.0 * float(fit.cost)
-    wider = 1.0
-    if freedom > 0 and chdtrc(freedom, square) < SURE:
-        wider = float(np.sqrt(square / freedom))
-    covariance = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale) * wider**2
+    model = _model_of(felt, data, inertial)
+    fit = model.fitted()
+    if _weak(fit.covariance()[0]):
+        return None
+    stands_left_out, seen = False, model
+    if not fit.agrees:
+        beside = model.fitted(platform=True, start=fit.state)
+        if _explains(fit, beside):
+            fit = beside
+        if not fit.agrees and len(model.felt) > len(model.turns):
+            turns = _model_of(model.turns, data, inertial)
+            alone, with_field = turns.fitted(), turns.fitted(platform=True)
+            if with_field.agrees and not alone.agrees and _explains(alone, with_field):
+                fit, seen, stands_left_out = with_field, turns, True
+    wander_nT = 0.0
+    if not fit.agrees:
+        wander_nT, fit = seen.wandering(fit)
+    covariance, undetermined = fit.covariance()
+    if _weak(covariance):
+        return None
+    size_nT = model.size_nT
     units = np.concatenate((np.full(3, size_nT), np.ones(9)))
-    offset, gain = fit.x[O] * size_nT, fit.x[A].reshape(3, 3)
+    field = slice(0, RESULTS)
     return Magnetic(
-        offset,
-        gain,
-        covariance[:12, :12] * np.outer(units, units),
-        not known,
-        wider,
-        float(fit.x[F] * size_nT),
-        float(np.degrees(fit.x[I])),
+        fit.state[O] * size_nT,
+        fit.state[A].reshape(3, 3),
+        covariance[field, field] * np.outer(units, units),
+        undetermined[field],
+        data.field_nT is None,
+        wander_nT,
+        float(fit.freedom) if wander_nT else np.inf,
+        float(fit.state[F] * size_nT),
+        float(np.degrees(fit.state[I])),
         delay_s,
+        fit.state[PLATFORM] * size_nT,
+        stands_left_out,
+    )
+
+
+def _weak(covariance: Array) -> bool:
+    """Return whether a result is so uncertain that the solution is not straight enough for it."""
+    return float(np.sqrt(np.max(np.diag(covariance)[:RESULTS]))) > MAX_U
+
+
+def _explains(fit: _Fit, wider: _Fit) -> bool:
+    """Return whether unknowns more explain what noise does not, by the F test at 99.9 %."""
+    more = wider.rank - fit.rank
+    freedom = fit.freedom - more
+    if more < 1 or freedom < 1:
+        return False
+    ratio = (fit.square - wider.square) / more / max(wider.square / freedom, 1e-300)
+    return ratio > 0.0 and float(fdtrc(more, freedom, ratio)) < SURE
+
+
+@dataclass(frozen=True)
+class _Model:
+    """What was felt, and what is known of how it stood.
+
+    `up` (f, 3), the root (2 f, 2 f) of the covariance of how it leans along `across` (f, 2, 3), the
+    axis `apart` (f, 3) that azimuths count from; `measured` (f, 9) of which `there` (f, 9) says
+    what each axis felt, `roots` (f, 9, 9) of their inverse covariances.
+    """
+
+    felt: Sequence[Felt]
+    up: Array
+    up_root: Array
+    across: Array
+    apart: Array
+    turned: NDArray[np.bool_]
+    measured: Array
+    there: NDArray[np.bool_]
+    roots: Array
+    data: OtherAxes
+    size_nT: float
+
+    @property
+    def turns(self) -> list[Felt]:
+        """What was felt in turns."""
+        return [direction for direction in self.felt if direction.turned]
+
+    def fitted(self, *, platform: bool = False, start: Array | None = None) -> _Fit:
+        """Return the best solution, with a field of the platform or without."""
+        state = _start(self.felt, self.up, self.data, self.size_nT) if start is None else start
+        free = np.ones(len(state), dtype=bool)
+        free[PLATFORM] = platform
+        # An axis that felt nothing stays ideal.
+        dead = ~np.any([np.isfinite(direction.wave[0]) for direction in self.felt], axis=0)
+        free[O] = ~dead
+        free[A] = np.repeat(~dead, 3)
+
+        def residuals(part: Array) -> Array:
+            whole = state.copy()
+            whole[free] = part
+            left = _residuals(whole, self)
+            return np.pad(left, (0, max(int(free.sum()) - len(left), 0)))
+
+        fit = least_squares(
+            residuals,
+            state[free],
+            method="lm",
+            xtol=1e-13,
+            ftol=1e-13,
+            gtol=1e-13,
+            max_nfev=MAX_STEPS,
+        )
+        whole = state.copy()
+        whole[free] = fit.x
+        done = _Fit(whole, free, fit.jac.T @ fit.jac, 2.0 * float(fit.cost), 0)
+        return replace(done, freedom=len(_residuals(whole, self)) - done.rank)
+
+    def wandering(self, fit: _Fit) -> tuple[float, _Fit]:
+        """Return what each record's field differs by in nT, so that noise explains the rest."""
+        platform = bool(fit.free[PLATFORM].any())
+        low, high = 0.0, float(np.sqrt(fit.square)) * self._noise_nT
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            fit = self._with(middle).fitted(platform=platform, start=fit.state)
+            low, high = (middle, high) if fit.square > fit.freedom else (low, middle)
+            if high - low < SETTLED * high:
+                break
+        return high, fit
+
+    @property
+    def _noise_nT(self) -> float:
+        return max(float(np.sqrt(np.max(np.diag(one.covariance)[:3]))) for one in self.felt)
+
+    def _with(self, wander_nT: float) -> _Model:
+        """Return the model of records that each have a variance more."""
+        felt = [
+            replace(one, covariance=one.covariance + wander_nT**2 * np.eye(9)) for one in self.felt
+        ]
+        return replace(self, felt=felt, roots=_roots(felt))
+
+
+def _model_of(felt: Sequence[Felt], data: OtherAxes, inertial: Inertial | None) -> _Model:
+    up, up_root = _known_up(felt, data, inertial)
+    measured = np.array([direction.wave.ravel() for direction in felt])
+    return _Model(
+        felt,
+        up,
+        up_root,
+        np.array([plane_across(direction) for direction in up]),
+        np.eye(3)[np.argmin(np.abs(up), axis=1)],
+        np.array([direction.turned for direction in felt]),
+        measured,
+        np.isfinite(measured),
+        _roots(felt),
+        data,
+        data.field_nT or FIELD_SCALE_NT,
     )
 
 
@@ -186,9 +389,15 @@ def _known_up(
     return up, vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _root(felt: Felt) -> Array:
-    count = 9 if felt.turned else 3
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(felt.covariance[:count, :count])))
+def _roots(felt: Sequence[Felt]) -> Array:
+    """Return roots (f, 9, 9) of the inverse covariances, zero for what an axis did not feel."""
+    roots = np.zeros((len(felt), 9, 9))
+    for n, direction in enumerate(felt):
+        there = np.flatnonzero(np.isfinite(direction.wave.ravel()))
+        own = np.ix_(there, there)
+        covariance = direction.covariance[own] + SMALLEST * np.eye(len(there))
+        roots[n][own] = np.linalg.inv(np.linalg.cholesky(covariance))
+    return roots
 
 
 def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> Array:
@@ -196,7 +405,8 @@ def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> 
     state = np.zeros(SENSOR + len(felt) + 2 * len(felt))
     state[A] = np.eye(3).ravel()
     turned = [n for n, direction in enumerate(felt) if direction.turned]
-    across_nT = float(np.mean([np.linalg.norm(felt[n].wave[1:]) / np.sqrt(2.0) for n in turned]))
+    waves = np.nan_to_num([felt[n].wave[1:] for n in turned])
+    across_nT = float(np.mean(np.linalg.norm(waves, axis=(1, 2)))) / np.sqrt(2.0)
     field_nT = data.field_nT or FIELD_SCALE_NT
     angle = data.inclination_rad
     if angle is None:
@@ -204,13 +414,16 @@ def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> 
         angle *= _sense(felt, up, turned, field_nT * np.sin(angle))
     state[F], state[I] = field_nT / size_nT, angle
     upwards = -field_nT * float(np.sin(angle))
-    offset = np.mean([felt[n].wave[0] - upwards * up[n] for n in turned], axis=0)
+    means = np.array([felt[n].wave[0] - upwards * up[n] for n in turned])
+    there = np.isfinite(means)
+    offset = np.where(there, means, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     state[O] = offset / size_nT
     for n, direction in enumerate(felt):
         plane = plane_across(up[n])
         seen = (
             direction.wave[1] if direction.turned else direction.wave[0] - offset - upwards * up[n]
         )
+        seen = np.nan_to_num(seen)
         state[SENSOR + n] = np.arctan2(plane[1] @ seen, plane[0] @ seen)
     return state
 
@@ -220,41 +433,42 @@ def _sense(felt: Sequence[Felt], up: Array, turned: Sequence[int], down_nT: floa
     left = {}
     for sign in (1.0, -1.0):
         offsets = np.array([felt[n].wave[0] + sign * down_nT * up[n] for n in turned])
-        left[sign] = float(np.sum((offsets - offsets.mean(axis=0)) ** 2))
+        there = np.isfinite(offsets)
+        middle = np.where(there, offsets, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        left[sign] = float(np.sum(np.nan_to_num(offsets - middle) ** 2))
     return min(left, key=lambda sign: left[sign])
 
 
-def _residuals(
-    state: Array,
-    felt: Sequence[Felt],
-    roots: Sequence[Array],
-    up: Array,
-    up_root: Array,
-    data: OtherAxes,
-    size_nT: float,
-) -> Array:
+def _residuals(state: Array, model: _Model) -> Array:
     """Return all residuals in units of their standard uncertainties."""
-    count = len(felt)
-    gain = state[A].reshape(3, 3)
-    azimuth = state[SENSOR : SENSOR + count]
-    lean = (up_root @ state[SENSOR + count :]).reshape(count, 2)
-    parts = [state[SENSOR + count :], state[[AXIS]]]
-    for n, sensed in enumerate(felt):
-        angle = state[I] + (state[AXIS] * data.tilt_rad if sensed.turned else 0.0)
-        level, upwards = state[F] * np.cos(angle), -state[F] * np.sin(angle)
-        direction = up[n] + lean[n] @ plane_across(up[n])
-        direction = direction / np.linalg.norm(direction)
-        first, second = plane_across(direction, up[n])
-        toward = level * (np.cos(azimuth[n]) * first + np.sin(azimuth[n]) * second)
-        wave = np.array([direction * upwards, toward, -np.cross(direction, toward)])
-        if not sensed.turned:
-            wave = wave[:1] + wave[1:2]
-        read = size_nT * (wave @ gain.T)
-        read[0] += size_nT * state[O]
-        measured = sensed.wave if sensed.turned else sensed.wave[:1]
-        parts.append(roots[n] @ (measured - read).ravel())
-    parts.append(np.atleast_1d(_field_prior(state, data, size_nT)))
-    return np.concatenate(parts)
+    up, data, size_nT = model.up, model.data, model.size_nT
+    count = len(up)
+    azimuth = state[SENSOR : SENSOR + count, None]
+    lean = (model.up_root @ state[SENSOR + count :]).reshape(count, 2, 1)
+    direction = up + (lean * model.across).sum(axis=1)
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    first = _cross(direction, model.apart)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    north = np.cos(azimuth) * first + np.sin(azimuth) * _cross(direction, first)
+    west = _cross(direction, north)
+    angle = (state[I] + state[AXIS] * data.tilt_rad * model.turned)[:, None]
+    level, upwards = state[F] * np.cos(angle), -state[F] * np.sin(angle)
+    fixed = state[PLATFORM][:, None, None] * np.stack((north, west, direction))
+    mean = direction * upwards + np.where(model.turned[:, None], fixed.sum(axis=0), level * north)
+    wave = np.stack((mean, level * north, -level * west), axis=1)
+    read = size_nT * (wave @ state[A].reshape(3, 3).T)
+    read[:, 0] += size_nT * state[O]
+    apart = np.where(model.there, model.measured - read.reshape(count, 9), 0.0)
+    scaled = np.einsum("fij,fj->fi", model.roots, apart)[model.there]
+    prior = np.atleast_1d(_field_prior(state, data, size_nT))
+    return np.concatenate((state[SENSOR + count :], state[[AXIS]], scaled, prior))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors (n, 3): `np.cross` takes ten times as long for few."""
+    ax, ay, az = a.T
+    bx, by, bz = b.T
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=1)
 
 
 def _field_prior(state: Array, data: OtherAxes, size_nT: float) -> Array:

@@ -12,7 +12,7 @@ from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisP
 from procedures.nine_axis_calibration.pose import ATTITUDES, UP
 from station.report.numbers import format_number
 
-from .inertial import SENSOR, B, Inertial, K, M, Orientation, solve_orientations
+from .inertial import SENSOR, B, Inertial, K, M, Orientation, solve_inertial
 from .reading import lean_rad
 from .response import Response
 from .stands import Array, OtherAxes, direction
@@ -79,7 +79,7 @@ def expected_inertial(parameters: NineAxisParameters, poses: Sequence[str]) -> I
         prior.local_gravity_g,
         second_order_u=prior.accelerometer_second_order_ug_per_g2 * 1e-6,
     )
-    return solve_orientations(orientations, data)
+    return solve_inertial(orientations, data)
 
 
 def _at_rest(parameters: NineAxisParameters, poses: Sequence[str]) -> Iterator[Orientation]:

@@ -11,8 +11,22 @@ import numpy as np
 from procedures.nine_axis_calibration.dataset import AXES
 from station.findings import Estimate, Flag, InputQuantity, Published, undetermined
 
+from .channels import ACCELEROMETER, MAGNETOMETER, clipped_flags, coarse_flags, without_clipped
 from .coil import InCoil, coil_inputs, estimates_in_coil, solve_coil
-from .inertial import CROSS, K2, PAIRS, TURN, B, Inertial, K, M, N, orientations_of, solve_inertial
+from .inertial import (
+    CROSS,
+    K2,
+    PAIRS,
+    TURN,
+    B,
+    Inertial,
+    K,
+    M,
+    N,
+    Orientation,
+    orientations_of,
+    solve_inertial,
+)
 from .magnetic import Magnetic, felt_of, solve_magnetic
 from .sensitivity import UNIT as PER_G
 from .sensitivity import g_sensitivity
@@ -38,6 +52,8 @@ UNITS = {
 }
 GRAVITY, FIELD = "prior_local_gravity", "prior_earth_field"
 SCALE = "magnetometer_scale_factor"
+PLATFORM_AXES = ("north", "west", "up")
+"""Of a field fixed to what turns, at the encoder's zero."""
 IN_ACCELEROMETERS = [name for name in UNITS if not name.startswith("magnetometer")]
 IN_MAGNETOMETER = [name for name in UNITS if name.startswith("magnetometer")]
 
@@ -57,23 +73,29 @@ class OtherResults:
 
 def results_of(data: OtherAxes) -> OtherResults:
     """Return results, flags and inputs of the other six axes. Raises nothing for poor data."""
-    inertial = solve_inertial(data)
-    magnetic = solve_magnetic(data, inertial)
+    data, clipped = without_clipped(data)
+    orientations, force_steps = orientations_of(data)
+    felt, delay_s, field_steps = felt_of(data)
+    inertial = solve_inertial(orientations, data)
+    magnetic = solve_magnetic(felt, delay_s, data, inertial)
     coil = solve_coil(data.coil) if data.coil is not None else None
     estimates: list[Estimate] = []
     flags: list[Flag] = []
-    if orientations_of(data):
+    if clipped or any(np.isfinite(orientation.force_u).any() for orientation in orientations):
         estimates += _of_accelerometers(data, inertial)
-    if felt_of(data)[0] or data.coil is not None:
+    if felt or data.coil is not None or any(c.sensor == MAGNETOMETER for c in clipped):
         estimates += _of_magnetometer(inertial, magnetic, coil)
     lacking = [estimate for estimate in estimates if estimate.value is None]
     if lacking:
         flags.append(_not_identifiable(lacking))
+    flags += clipped_flags(clipped)
+    flags += coarse_flags(ACCELEROMETER, force_steps)
+    flags += coarse_flags(MAGNETOMETER, field_steps)
     flags += _doubts(inertial, magnetic, coil)
     return OtherResults(
         tuple(estimates),
         _misalignment(inertial) if inertial is not None and inertial.gyros else (),
-        tuple(published(data)),
+        tuple(published(data, orientations)),
         tuple(flags),
         tuple(_inputs(data)),
         inertial,
@@ -157,19 +179,23 @@ def _in_earths_field(inertial: Inertial | None, magnetic: Magnetic | None) -> It
             axes, unit = UNITS[name]
             yield from (undetermined(name, axis, unit, METHOD) for axis in axes)
         return
-    u = np.sqrt(np.diag(magnetic.covariance))
+    gain, slopes = magnetic.gain, list[tuple[str, str, float, float, Array]]()
     for n, axis in enumerate(AXES):
-        yield _estimate("magnetometer_offset", axis, magnetic.offset_nT[n], u[n])
+        slopes.append((IN_MAGNETOMETER[0], axis, magnetic.offset_nT[n], 1.0, np.eye(12)[n]))
     for n, axis in enumerate(AXES):
-        place = 3 + 4 * n
-        yield _estimate("magnetometer_scale_factor", axis, magnetic.gain[n, n], u[place])
+        slopes.append((SCALE, axis, gain[n, n], 1.0, np.eye(12)[3 + 4 * n]))
     for axis, (i, j) in zip(NAMES, PAIRS, strict=True):
         slope = np.zeros(12)
-        slope[3 + 3 * i + j] = 1.0 / magnetic.gain[i, i]
-        slope[3 + 4 * i] = -magnetic.gain[i, j] / magnetic.gain[i, i] ** 2
-        size = float(np.sqrt(slope @ magnetic.covariance @ slope))
-        value = magnetic.gain[i, j] / magnetic.gain[i, i]
-        yield _estimate("magnetometer_misalignment", axis, value, size, ARCSEC_PER_RAD, frame)
+        slope[3 + 3 * i + j] = 1.0 / gain[i, i]
+        slope[3 + 4 * i] = -gain[i, j] / gain[i, i] ** 2
+        slopes.append((IN_MAGNETOMETER[2], axis, gain[i, j] / gain[i, i], ARCSEC_PER_RAD, slope))
+    for name, axis, value, factor, slope in slopes:
+        u = float(np.sqrt(slope @ magnetic.covariance @ slope))
+        extra = frame if name == IN_MAGNETOMETER[2] else None
+        if magnetic.determines(slope):
+            yield _estimate(name, axis, value, u, factor, extra, freedom=magnetic.freedom)
+        else:
+            yield undetermined(name, axis, UNITS[name][1], METHOD)
 
 
 def _estimate(
@@ -180,6 +206,7 @@ def _estimate(
     factor: float = 1.0,
     extra: dict[str, str] | None = None,
     sensitivities: dict[str, float] | None = None,
+    freedom: float = np.inf,
 ) -> Estimate:
     unit = UNITS[name][1] if name in UNITS else "arcsec"
     return Estimate(
@@ -188,7 +215,7 @@ def _estimate(
         float(factor * value),
         unit,
         float(factor * u),
-        None,
+        freedom if np.isfinite(freedom) else None,
         METHOD,
         sensitivities or {},
         extra or {},
@@ -224,13 +251,25 @@ def _doubts(
             "convention, and are relative to each other only. Give `earth_field`."
         )
         yield Flag("scale-by-convention", message)
-    if magnetic.wider > 1.0:
+    if magnetic.disturbed:
+        size_nT = float(np.linalg.norm(magnetic.platform_nT))
+        stands = " The stands at rest deny it and are left out." if magnetic.stands_left_out else ""
         message = (
-            "The field differs from record to record by more than the magnetometer's noise; its "
-            f"uncertainties are {magnetic.wider:.2g} times as large for it. Look for iron or "
+            f"A field of {size_nT:.3g} nT is fixed to what turns, and no part of the earth's: it "
+            f"is solved for, and in the uncertainties.{stands} Look for iron on the table and in "
+            "the fixture, and mount the sensor on something that is not magnetic."
+        )
+        parts = zip(PLATFORM_AXES, magnetic.platform_nT, strict=True)
+        details: dict[str, object] = {"field_nT": size_nT}
+        details |= {f"{axis}_nT": float(value) for axis, value in parts}
+        yield Flag("field-disturbed", message, None, details)
+    if magnetic.wander_nT > 0.0:
+        message = (
+            f"The field differs from record to record by {magnetic.wander_nT:.2g} nT, more than "
+            "the magnetometer's noise; each record counts as that uncertain. Look for iron or "
             "currents near the bench, and for a field that goes with the table's motor."
         )
-        yield Flag("field-wanders", message, None, {"ratio": magnetic.wider})
+        yield Flag("field-wanders", message, None, {"wander_nT": magnetic.wander_nT})
 
 
 def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
@@ -240,11 +279,10 @@ def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
         yield from coil_inputs(data.coil, data.source)
 
 
-def published(data: OtherAxes) -> Iterator[Published]:
+def published(data: OtherAxes, orientations: Sequence[Orientation]) -> Iterator[Published]:
     """Yield the textbook's values: six positions, and half of largest and smallest."""
     means = {
-        tuple(np.round(orientation.up, 6)): orientation.force_g
-        for orientation in orientations_of(data)
+        tuple(np.round(orientation.up, 6)): orientation.force_g for orientation in orientations
     }
     for n, axis in enumerate(AXES):
         up = tuple(np.eye(3)[n])

@@ -6,13 +6,17 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from nine_axis_records import PRIOR
 from nine_axis_stands import FACES, Bench, truth_of
 
 from procedures.nine_axis_calibration.all_axes.results import OtherResults, results_of
 from procedures.nine_axis_calibration.all_axes.stands import CoilRecord, OtherAxes, direction
+from procedures.nine_axis_calibration.analysis import analyse
+from procedures.nine_axis_calibration.dataset import NineAxisDataset
 from procedures.nine_axis_calibration.evaluate import findings_of_dataset
 from station.dataset_reading import read_dataset
 from station.files.faults import FaultList
@@ -230,3 +234,90 @@ def test_bad_columns_and_conditions_are_named(
         (tmp_path / one.name).write_text(text, encoding="utf-8")
     with pytest.raises(FaultList, match=named):
         findings_of_dataset(read_dataset(tmp_path))
+
+
+QUIET_STEPS = [(2.5e-4, 2e-5), (8.0 / 2**15, 0.0), (1e-3, 1e-4)]
+HAND: dict[str, Any] = {"poses": FACES, "field_at_poses": False, "mounting_arcmin": 3.0}
+
+
+@pytest.mark.parametrize(("step_g", "noise_g"), QUIET_STEPS)
+def test_no_accelerometer_is_better_than_its_step(step_g: float, noise_g: float) -> None:
+    every: list[float] = []
+    for seed in range(5000, 5003):
+        bench = Bench(seed, accelerometer_step_g=step_g, accelerometer_g=noise_g, **HAND)
+        bench.sensor = replace(bench.sensor, second=np.zeros(3))
+        found = results_of(bench.data())
+        assert "coarse-output" in codes(found)
+        sizes = [one.standard_uncertainty for one in found.estimates if "bias" in one.name]
+        assert min(size for size in sizes if size is not None) > step_g / 12.0**0.5 / 3.0
+        for name, errors in errors_in_u(bench, found).items():
+            every += errors if name.startswith("accelerometer") else []
+    assert max(map(abs, every)) < 4.0
+
+
+@pytest.mark.parametrize("step_g", [0.0, 1e-3])
+def test_a_clipped_accelerometer_is_called_saturated_and_not_used(step_g: float) -> None:
+    bench = Bench(5001, accelerometer_limit_g=0.999, accelerometer_step_g=step_g)
+    found = results_of(bench.data())
+    assert "saturated" in codes(found)
+    assert "accelerometer_bias" in nulls(found)
+
+
+def test_a_clipped_magnetometer_is_called_saturated_and_its_error_is_in_no_result() -> None:
+    bench = Bench(5002, magnetometer_limit_nT=45_000.0)
+    found = results_of(bench.data())
+    assert "saturated" in codes(found)
+    errors = errors_in_u(bench, found)
+    assert max(map(abs, errors.get("magnetometer_offset", [0.0]))) < 4.0
+
+
+def test_coarse_magnetometers_that_turn_are_not_called_saturated() -> None:
+    bench = Bench(5003, magnetometer_step_nT=150.0)
+    found = results_of(bench.data())
+    assert "saturated" not in codes(found)
+    assert max(map(abs, errors_in_u(bench, found)["magnetometer_offset"])) < 4.0
+
+
+PLATFORM = (500.0, -300.0, 400.0)
+
+
+def test_a_field_of_the_platform_is_solved_for() -> None:
+    together, undisturbed = [], Bench(5000)
+    usual = [one.standard_uncertainty for one in results_of(undisturbed.data()).estimates]
+    for seed in range(5000, 5004):
+        bench = Bench(seed, platform_nT=PLATFORM)
+        found = results_of(bench.data())
+        (flag,) = [one for one in found.flags if one.code == "field-disturbed"]
+        assert flag.details["up_nT"] == pytest.approx(400.0, abs=100.0)
+        assert "field-wanders" not in codes(found)
+        together += errors_in_u(bench, found)["magnetometer_offset"]
+        u = [one.standard_uncertainty for one in found.estimates]
+        offsets = [n for n, one in enumerate(found.estimates) if one.name == "magnetometer_offset"]
+        assert max((u[n] or 0.0) / (usual[n] or 1.0) for n in offsets) < 2.0
+    assert max(map(abs, together)) < 4.0
+
+
+def test_with_a_field_of_the_platform_upright_turns_know_no_scale() -> None:
+    found = results_of(Bench(5004, platform_nT=PLATFORM, **HAND).data())
+    assert "field-disturbed" in codes(found)
+    assert "magnetometer_scale_factor" in nulls(found)
+    assert "magnetometer_offset" not in nulls(found)
+
+
+def test_scale_factors_of_gyros_are_about_their_own_axes() -> None:
+    off = []
+    for seed in range(5000, 5006):
+        bench = Bench(seed, rates=(1.0, 5.0, 10.0, 50.0, 100.0), **HAND)
+        bench.sensor = replace(bench.sensor, second=np.zeros(3))
+        data = bench.data()
+        turns = tuple(record.turn for mounted in data.mountings for record in mounted.records)
+        dataset = NineAxisDataset(39.9, PRIOR, (), turns)
+        analysis = analyse(dataset, allan=False, inertial=results_of(data).inertial)
+        for axis in "XYZ":
+            one = analysis.estimate("scale_factor", axis)
+            assert one.value is not None
+            assert one.standard_uncertainty is not None
+            truth = truth_of(bench.sensor)["scale_factor", axis]
+            off.append((one.value - truth) / one.standard_uncertainty)
+    assert float(np.sqrt(np.mean(np.square(off)))) < 1.5
+    assert float(np.max(np.abs(off))) < 4.0
