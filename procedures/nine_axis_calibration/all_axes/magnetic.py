@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ HALVINGS, SETTLED = 24, 0.03
 MOVED = 1e-3
 MAX_U = 0.02
 """Of the field: where a result is less certain the solution is not straight enough for its u."""
+AZIMUTHS = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)[:, None]
 MAX_STEPS = 200
 """Of the search, which takes thirty where the directions determine everything."""
 
@@ -293,7 +295,14 @@ class _Model:
 
     def fitted(self, *, platform: bool = False, start: Array | None = None) -> _Fit:
         """Return the best solution, with a field of the platform or without."""
-        state = _start(self.felt, self.up, self.data, self.size_nT) if start is None else start
+        if start is None:
+            begin = partial(_start, self.felt, self.up, self.data, self.size_nT)
+            fit = self.fitted(platform=platform, start=begin(other_way=False))
+            if fit.agrees or self.data.inclination_rad is not None:
+                return fit
+            other = self.fitted(platform=platform, start=begin(other_way=True))
+            return min(fit, other, key=lambda tried: tried.square)
+        state = start
         free = np.ones(len(state), dtype=bool)
         free[PLATFORM] = platform
         # An axis that felt nothing stays ideal.
@@ -400,8 +409,13 @@ def _roots(felt: Sequence[Felt]) -> Array:
     return roots
 
 
-def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> Array:
-    """Return where the search begins: an ideal sensor, the offset that the means leave."""
+def _start(
+    felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float, *, other_way: bool
+) -> Array:
+    """Return where the search begins: an ideal sensor, the offset that the means leave.
+
+    `other_way` is with the sign of an unknown inclination that the means speak against.
+    """
     state = np.zeros(SENSOR + len(felt) + 2 * len(felt))
     state[A] = np.eye(3).ravel()
     turned = [n for n, direction in enumerate(felt) if direction.turned]
@@ -411,7 +425,7 @@ def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> 
     angle = data.inclination_rad
     if angle is None:
         angle = float(np.arccos(min(across_nT / field_nT, 0.999)))
-        angle *= _sense(felt, up, turned, field_nT * np.sin(angle))
+        angle *= _sense(felt, up, turned, field_nT * np.sin(angle)) * (-1.0 if other_way else 1.0)
     state[F], state[I] = field_nT / size_nT, angle
     upwards = -field_nT * float(np.sin(angle))
     means = np.array([felt[n].wave[0] - upwards * up[n] for n in turned])
@@ -419,12 +433,17 @@ def _start(felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float) -> 
     offset = np.where(there, means, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     state[O] = offset / size_nT
     for n, direction in enumerate(felt):
-        plane = plane_across(up[n])
-        seen = (
-            direction.wave[1] if direction.turned else direction.wave[0] - offset - upwards * up[n]
-        )
-        seen = np.nan_to_num(seen)
-        state[SENSOR + n] = np.arctan2(plane[1] @ seen, plane[0] @ seen)
+        first, second = plane_across(up[n])
+        north = np.cos(AZIMUTHS) * first + np.sin(AZIMUTHS) * second
+        if direction.turned:
+            seen = direction.wave[1] - across_nT * north
+            behind = direction.wave[2] + across_nT * np.cross(up[n], north)
+            apart = np.nansum(seen**2, axis=1) + np.nansum(behind**2, axis=1)
+        else:
+            level_nT = field_nT * np.cos(angle)
+            seen = direction.wave[0] - offset - upwards * up[n] - level_nT * north
+            apart = np.nansum(seen**2, axis=1)
+        state[SENSOR + n] = AZIMUTHS[int(np.argmin(apart)), 0]
     return state
 
 

@@ -65,7 +65,7 @@ def waves_of(mounting: Mounted, channels: Sequence[Array]) -> list[Wave]:
         columns = np.column_stack((np.ones(len(samples)), round_the_turn(encoder, interval_s)))
         count = samples.shape[1]
         value, sigma = np.full((3, count), np.nan), np.full(count, np.nan)
-        inverse: Array = np.linalg.pinv(columns.T @ columns)
+        inverse = np.asarray(np.linalg.pinv(columns.T @ columns), dtype=np.float64)
         residual = np.full(samples.shape, np.nan)
         for channel in range(count):
             good = np.isfinite(samples[:, channel]) & ~encoder.unsteady
@@ -73,7 +73,7 @@ def waves_of(mounting: Mounted, channels: Sequence[Array]) -> list[Wave]:
                 if int(good.sum()) < 6:
                     break
                 used = columns[good]
-                inverse = np.linalg.pinv(used.T @ used)
+                inverse = np.asarray(np.linalg.pinv(used.T @ used), dtype=np.float64)
                 fitted = inverse @ (used.T @ samples[good, channel])
                 left = samples[:, channel] - columns @ fitted
                 value[:, channel], residual[:, channel] = fitted, np.where(good, left, np.nan)
