@@ -14,7 +14,7 @@ from figures import Figures
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from station.findings import Estimate
+from station.findings import Estimate, Published
 
 Array = NDArray[Any]
 
@@ -53,7 +53,8 @@ class Scored:
     """A result of one dataset, alike for all its axes (n,): errors in the unit of `bound`.
 
     `u` is the standard uncertainty and `inside` whether the 95 % interval holds the truth; `bound`
-    (n,) is the Cramér-Rao bound, None where there is none. NaN stands for a result without value.
+    (n,) is the Cramér-Rao bound, None where there is none. NaN stands for a result without value,
+    and for the u of a published rule.
     """
 
     error: Array
@@ -108,6 +109,23 @@ def of_estimates(
     return found
 
 
+def of_published(
+    published: Iterable[Published],
+    truth: Mapping[tuple[str, str | None], float],
+    bound: Mapping[str, ArrayLike],
+) -> dict[str, Scored]:
+    """Return what the published rules give of the results whose bound is known."""
+    by_name: dict[str, list[float]] = {}
+    for one in published:
+        if (one.name, one.axis) in truth and one.name in bound:
+            error = np.nan if one.value is None else one.value - truth[one.name, one.axis]
+            by_name.setdefault(one.name, []).append(error)
+    return {
+        f"{name}, as published": scored(errors, np.full(len(errors), np.nan), bound=bound[name])
+        for name, errors in by_name.items()
+    }
+
+
 def summary(trials: Sequence[Trial], name: str) -> dict[str, object]:
     """Return rmse over bound, or over u where there is none, and coverage of a result.
 
@@ -121,7 +139,8 @@ def summary(trials: Sequence[Trial], name: str) -> dict[str, object]:
     line: dict[str, object] = {"runs": len(rows)}
     if not there.any():
         return {**line, "undetermined": 1.0}
-    for key, unit in (("rmse_over_bound", bounds), ("rmse_over_u", u)):
+    stated = bool(np.isfinite(u).any())
+    for key, unit in (("rmse_over_bound", bounds), ("rmse_over_u", u if stated else [])):
         if not len(unit):
             continue
         size = np.array(unit)
@@ -137,9 +156,10 @@ def summary(trials: Sequence[Trial], name: str) -> dict[str, object]:
         if error.shape[1] > 1:
             of_axes = (parts**2).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
             line[key + "_worst"] = round(float(np.sqrt(of_axes.max())), 3)
-    inside = np.array([one.inside for one in rows])
-    line["coverage_95"] = round(float(inside[there].mean()), 4)
-    line["largest_error_u"] = round(float(np.max(np.abs(error[there] / u[there]))), 1)
+    if stated:
+        inside = np.array([one.inside for one in rows])
+        line["coverage_95"] = round(float(inside[there].mean()), 4)
+        line["largest_error_u"] = round(float(np.max(np.abs(error[there] / u[there]))), 1)
     line["undetermined"] = round(1.0 - float(there.mean()), 4)
     return line
 
@@ -148,3 +168,14 @@ def shares(trials: Sequence[Trial]) -> dict[str, float]:
     """Return in which share of the datasets each flag was raised."""
     count = Counter(code for one in trials for code in one.codes)
     return {code: round(count[code] / len(trials), 4) for code in sorted(count)}
+
+
+def measured(trial: Callable[[int], Trial], runs: int) -> dict[str, object]:
+    """Return what the seeds from 0 on give of a case: results by name, shares of the flags."""
+    trials = [trial(seed) for seed in range(runs)]
+    names = dict.fromkeys(name for one in trials for name in one.results)
+    return {
+        "runs": runs,
+        "results": {name: summary(trials, name) for name in names},
+        "flags": shares(trials),
+    }

@@ -56,7 +56,7 @@ from procedures.accelerometer_tumble.analysis import TumbleAnalysis, analyse
 from procedures.accelerometer_tumble.dataset import TumbleDataset
 from procedures.accelerometer_tumble.model import COEFFICIENTS
 
-USUAL_FLAGS = frozenset({"not-identifiable"})
+USUAL_FLAGS = frozenset({"not-identifiable", "not-significant"})
 Change = Callable[[TumbleDataset, int], TumbleDataset]
 
 
