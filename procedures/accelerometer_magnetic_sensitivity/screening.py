@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.frozen import AFTER_A_COMMAND, COPIED_ROWS, equal_runs, frozen
+from procedures.estimation.saturation import at_a_limit
 
 from .dataset import AccelerometerDataset, LeftOut
 
@@ -17,7 +18,6 @@ WILD_TEMPERATURE_K = 5.0
 """From the median of the rows around it: no accelerometer warms up so fast."""
 WILD_SPREADS = 20.0
 NEIGHBOURS = 5
-FEWEST_CLIPPED = 4
 NEARLY_ALIKE = 0.2
 STUCK = "reading stands still"
 HELD = "angle stands still while the output moves"
@@ -51,7 +51,7 @@ def screen(dataset: AccelerometerDataset) -> tuple[Mask, tuple[LeftOut, ...]]:
     note(~np.isfinite(dataset.field_T), "no reading of the field")
     note(stuck(dataset.output_V, dataset) | stuck(dataset.field_T, dataset), STUCK)
     note(held_angle(dataset), HELD)
-    note(clipped(dataset.output_V), SATURATED)
+    note(at_a_limit(dataset.output_V), SATURATED)
     note(copied(dataset), COPIED)
     note(wild_field(dataset.field_T, dataset.field_commanded_T), "wild reading of the field")
     if dataset.temperature_degC is not None:
@@ -135,22 +135,6 @@ def held_angle(dataset: AccelerometerDataset) -> Mask:
             # The first of them was measured.
             held[first + 1 : first + count] = True
     return held
-
-
-def clipped(output_V: Array) -> Mask:
-    """Return which readings (n,) stand at one same limit of the voltmeter or the device.
-
-    Four and more that are the largest magnitude of one sign to the last digit, where readings are
-    not so coarse that others repeat as often.
-    """
-    at_limit = np.zeros(len(output_V), dtype=bool)
-    values, count = np.unique(output_V[np.isfinite(output_V)], return_counts=True)
-    if len(values) < 3:
-        return at_limit
-    for end, others in ((0, count[1:]), (-1, count[:-1])):
-        if count[end] >= FEWEST_CLIPPED and count[end] > 2 * int(others[1:-1].max(initial=1)):
-            at_limit |= output_V == values[end]
-    return at_limit
 
 
 def copied(dataset: AccelerometerDataset) -> Mask:

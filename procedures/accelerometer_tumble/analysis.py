@@ -13,6 +13,7 @@ from station.findings import Analysis, Estimate, Flag, undetermined
 
 from .dataset import AnalysisSettings, TumbleDataset
 from .flags import ARCSEC, data_flags, fold_flags, result_flags
+from .misread import misread_flags
 from .model import COEFFICIENTS, GRAVITY_POWER, UNITS, Array, judge
 from .published import published_values
 from .screening import screen
@@ -52,9 +53,15 @@ def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> Tu
     if len(used.time_s) > len(terms):
         solved = solve(used, tuple(terms), settings)
         solution = solved if solved.freedom >= FEWEST_LEFT else None
+    misread = misread_flags(used, tuple(terms), solution, settings) if solution else []
+    solution = None if misread else solution
     estimates = _estimates(used, terms, solution)
     flags += fold_flags(terms)
-    if solution is None:
+    flags += misread
+    if misread:
+        sentence = "What the columns mean is in doubt: no results."
+        flags.append(not_identifiable(sentence, COEFFICIENTS))
+    elif solution is None:
         sentence = (
             "There are too few readings beyond the coefficients to show the noise: no results."
         )

@@ -45,11 +45,13 @@ def data_flags(whole: TumbleDataset, screened: Screened) -> list[Flag]:
         details = {"count": len(dead), "instrument": "multimeter"}
         extent = counted(len(dead), "row")
         flags.append(frozen("The output", extent, "the multimeter", then, details))
-    if screened.thermometer:
-        then = "There are no temperature terms."
-        details = {"count": screened.thermometer, "instrument": "thermometer"}
-        extent = counted(screened.thermometer, "row")
-        flags.append(frozen("The temperature", extent, "the thermometer", then, details))
+    flags += screened.warm_flags
+    if limited := np.flatnonzero(screened.limited).tolist():
+        said = (
+            f"Saturated: the output stands at its largest value in {rows_listed(limited)}; these "
+            "are left out. Look at the range of the multimeter and at that of the accelerometer."
+        )
+        flags.append(Flag("overload", said, None, {"count": len(limited)}))
     flags += implausible(whole.gravity_g, GRAVITY)
     if len(whole.output_V):
         flags += implausible(float(whole.output_V[np.argmax(np.abs(whole.output_V))]), OUTPUT)

@@ -112,14 +112,21 @@ def slow_columns(dataset: TumbleDataset, order: int) -> tuple[tuple[str, ...], A
     return tuple(names), shaped
 
 
-def solve(dataset: TumbleDataset, kept: tuple[str, ...], settings: AnalysisSettings) -> Solution:
+def solve(
+    dataset: TumbleDataset,
+    kept: tuple[str, ...],
+    settings: AnalysisSettings,
+    beside: bool = True,
+) -> Solution:
     """Solve for the kept coefficients, `k` of them; there must be more readings than that.
 
     What else may have moved the output is solved for where the information criterion asks for it;
-    what noise may just imitate widens the uncertainties.
+    what noise may just imitate widens the uncertainties. Neither with nothing `beside` the model.
     """
     model = dataset.columns[:, [COEFFICIENTS.index(name) for name in kept]]
     plain = _solve(dataset, model, kept, settings, None)
+    if not beside:
+        return plain
     scale = float(plain.value[kept.index("Ki")]) if "Ki" in kept else 0.0
     known = alternatives_of(dataset, scale)
     candidates = {

@@ -1,4 +1,4 @@
-"""Output that is cut off: it stands at its largest value, as it never does at slower rates."""
+"""Output that is cut off: it stands at its largest value more often than by itself."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from .frozen import IN_A_SHORT_RECORD
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
+FEWEST_AT_LIMIT = 4
 STUCK = 0.3
 NEXT_LEVEL = 0.2
 
@@ -33,3 +35,19 @@ def _at_the_top(own: Array) -> float:
     """Return the share of samples that have the largest magnitude."""
     size = np.abs(own[np.isfinite(own)])
     return float(np.mean(size == size.max())) if len(size) else 0.0
+
+
+def at_a_limit(output: Array) -> Mask:
+    """Return which readings (n,) stand at one same limit of a meter or a device.
+
+    Four and more that are the largest magnitude of one sign to the last digit, where readings are
+    not so coarse that others repeat as often.
+    """
+    at_limit = np.zeros(len(output), dtype=bool)
+    values, count = np.unique(output[np.isfinite(output)], return_counts=True)
+    if len(values) < 3:
+        return at_limit
+    for end, others in ((0, count[1:]), (-1, count[:-1])):
+        if count[end] >= FEWEST_AT_LIMIT and count[end] > 2 * int(others[1:-1].max(initial=1)):
+            at_limit |= output == values[end]
+    return at_limit

@@ -71,12 +71,6 @@ KNOWN_SILENT: dict[str, frozenset[str]] = {
             "K drifts by 200 ppm",
         }
     ),
-    "accelerometer-tumble": frozenset(
-        {
-            "fourth order of 20 ug",
-            "a kink at zero of 20 ug",
-        }
-    ),
     "gyro-bias-temperature": frozenset(
         {
             "a temperature of 850",
