@@ -8,14 +8,18 @@ from functools import partial
 
 import numpy as np
 
+from procedures.estimation.orthogonal import independent_of
 from procedures.estimation.readings import Reading, Remainder, named, shifted, suiting
 from station.findings import Flag
 
 from .dataset import AnalysisSettings, TumbleDataset
+from .model import COEFFICIENTS
 from .solution import Solution, solve
 
 OTHER_PLANE = {"io": "ip", "ip": "io"}
 ROWS = (-2, -1, 1, 2)
+SMALLEST_PART = 1e-5
+"""Of a column: with less of its own, readings determine other coefficients than those stated."""
 
 
 def misread_flags(
@@ -28,7 +32,12 @@ def misread_flags(
     if solution.cause is None:
         return []
 
-    def remainder(data: TumbleDataset) -> Remainder:
+    places = [COEFFICIENTS.index(name) for name in kept]
+    nothing = np.empty((len(dataset.time_s), 0))
+
+    def remainder(data: TumbleDataset) -> Remainder | None:
+        if len(independent_of(nothing, data.columns[:, places], SMALLEST_PART)) < len(places):
+            return None
         solved = solve(data, kept, settings, beside=False)
         # Readings left out are what a model does not follow.
         residual = np.abs(solved.residual_V)
