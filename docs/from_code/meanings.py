@@ -572,7 +572,7 @@ CONDITIONS = {
         "attitude_uncertainty": "standard uncertainty of both angles; 0 unless given",
         "reference_temperature": "temperature of the gyro at which the bias is reported",
         "sensor_lag_prior": "standard uncertainty, known beforehand, of how far the gyro's "
-        "temperature runs ahead of what its bias follows",
+        "own thermometer runs ahead of what its bias follows; not of a chamber's thermometer",
     },
     "accelerometer-tumble": {
         "local_gravity": "gravity where the stage stands",

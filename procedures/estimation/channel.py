@@ -57,10 +57,10 @@ class Channel:
     """A channel as a procedure declares it.
 
     `name` is as a sentence needs it (`the output of IA`), `source` is what gives it, `low` and
-    `high` what no sound reading goes beyond, `quantum` a step that is known, `harmless` a jump that
-    is none, all in `unit`; `then` is what is done with readings that are taken out. A `slow`
-    channel goes on from row to row. The flags of a coarse and of a stepped channel are raised where
-    it is stated what they mean.
+    `high` what no sound reading goes beyond, `quantum` a step that is known, `harmless` a jump or
+    a step that spoils nothing, all in `unit`; `then` is what is done with readings that are taken
+    out. A `slow` channel goes on from row to row. A coarse and a stepped one have a flag where it
+    is stated what that means.
     """
 
     name: str
@@ -118,7 +118,8 @@ class Screened:
     @property
     def coarse(self) -> bool:
         """Whether noise and rounding hardly move a reading from one step to the next."""
-        return self.step > 0.0 and self.noise**2 + self.step**2 / 12.0 < self.step**2
+        seen = self.step > self.channel.harmless
+        return seen and self.noise**2 + self.step**2 / 12.0 < self.step**2
 
     def u_of_step(self, averaged: float = 1.0) -> float:
         """Return what rounding alone leaves unknown of a mean of so many readings: u's floor.
@@ -291,7 +292,10 @@ def _far(values: Array, slack: float) -> Mask:
     half = AROUND // 2
     padded = np.pad(middle, half, mode="edge")
     goes = np.abs(middle - padded[: len(values)]) + np.abs(middle - padded[2 * half :])
-    return np.asarray(np.abs(values - middle) > goes + slack)
+    far = np.abs(values - middle) > goes + slack
+    # What stands off for longer has two jumps, which say better where it begins and ends.
+    lengths = equal_runs(far)[1]
+    return np.asarray(far & np.repeat(lengths <= BRIDGED, lengths))
 
 
 def _excess(values: Array, rows: Index) -> Array:

@@ -11,8 +11,8 @@ from procedures.estimation.noise import grid_index
 from station.findings import Analysis, Estimate, Flag, Published
 
 from .dataset import AnalysisSettings, Array, Index, TemperatureDataset
-from .fit import PASSED, BiasFit, Setting, fit_bias
-from .flags import data_flags, result_flags
+from .fit import PASSED, BiasFit, Setting, fit_bias, rows_late
+from .flags import data_flags, result_flags, rows_flag
 from .published import published_values
 from .results import estimates_of
 from .soaks import soaks_of
@@ -53,7 +53,7 @@ def analyse(
     grid = np.arange(int(index[-1]) + 1)
     time_s = dataset.time_s[0] + interval_s * grid
     thermometers = thermometers_of(dataset)
-    temperature = np.interp(grid, index, thermometers.temperature_degC)
+    temperature = thermometers.temperature_degC
     setting = Setting(
         temperature,
         interval_s,
@@ -63,9 +63,8 @@ def analyse(
     lag = None
     refused = bool(thermometers.refusals)
     if thermometers.gyro is not None and thermometers.chamber_good and not refused:
-        chamber = np.interp(grid, index, thermometers.chamber)
-        lag = chamber_lag(temperature, chamber, interval_s)
-    soaks = soaks_of(dataset, thermometers.temperature_degC)
+        lag = chamber_lag(temperature, thermometers.chamber, interval_s)
+    soaks = soaks_of(dataset, temperature[index])
     estimates: list[Estimate] = []
     published: list[Published] = []
     flags: list[Flag] = [*thermometers.flags, *thermometers.refusals]
@@ -74,6 +73,10 @@ def analyse(
         earth = direction.earth_deg_per_h(dataset.latitude_rad)
         own = dataset.rate_deg_per_h[:, column] - earth
         screened, rate, fit = _solved(axis, index, own, setting, settings.outlier, refused)
+        late = None if fit is None else rows_late(rate, setting, fit)
+        if late is not None:
+            fit = None
+            flags.append(rows_flag(axis, late))
         of_axis = estimates_of(axis, dataset, setting, fit, soaks, lag, thermometers.u_degC)
         estimates += of_axis
         published += published_values(axis, own, soaks, dataset.reference_degC)

@@ -42,6 +42,17 @@ def data_flags(
     return flags
 
 
+def rows_flag(axis: str, late: int) -> Flag:
+    """Return the flag of an output that is not in its rows, late by so many of them."""
+    where = "late" if late > 0 else "early"
+    sentence = (
+        f"The output of {axis} fits the temperatures far better where it is taken for {abs(late)} "
+        f"rows {where}: it is not in its rows. Nothing is reported from it; put the columns into "
+        "their rows."
+    )
+    return contradiction("rate_deg_per_h", sentence, axis, rows=late)
+
+
 def result_flags(
     dataset: TemperatureDataset,
     setting: Setting,
@@ -57,7 +68,7 @@ def result_flags(
     if fit is None:
         sentence = (
             f"There is no curve of {axis}: the temperature hardly moved, too few rows are left, or "
-            "a thermometer's column is not what it is called."
+            "a column is not what it is called."
         )
         flags.append(not_identifiable(sentence, lacking, axis))
         return flags

@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.optimize import minimize_scalar
 
 from procedures.estimation.channel import Channel, Screened, flags, screen
 from procedures.estimation.measured import Measured
+from procedures.estimation.noise import grid_index
 from station.findings import Flag, contradiction
 
-from .dataset import Array, Mask, TemperatureDataset
+from .dataset import Array, Index, Mask, TemperatureDataset
 from .soaks import soaks_of
 from .thermal import lagged
 
@@ -26,6 +27,9 @@ COLDEST_DEGC, HOTTEST_DEGC = -100.0, 200.0
 """No gyro is tested beyond."""
 HARMLESS_DEGC = 0.4
 """An air that is controlled jumps about by so much, and no result feels it."""
+QUIET_DEGC, NARROWEST, WIDEST = 0.05, 5, 121
+"""Noise and rounding of a gyro's thermometer; with more, what it leaves of the chamber's lagged
+temperature is averaged over so many rows, lest its rate be noise."""
 MIN_GOOD = 0.5
 """Of a thermometer's readings; what is filled in for more would be no measurement."""
 STEPS_MENDED = 3
@@ -33,7 +37,7 @@ MAX_OFF_DEGC = 5.0
 """By so much the ends of soaks may be off their set-points, in the chamber's air."""
 MAX_WARMER_DEGC = 25.0
 """By so much a gyro warms itself."""
-MAX_GAIN_OFF = 0.1
+MAX_GAIN_OFF = 0.06
 """Change of a gyro's temperature over that of the set-point: in another unit it is 1.8."""
 SLOWER, MIN_APART_DEGC = 2.0, 1.0
 """Times, and at least, by which the chamber's column leaves the set-point more than the gyro's."""
@@ -106,7 +110,7 @@ def chamber_lag(
 
 @dataclass(frozen=True)
 class Thermometers:
-    """What the thermometers read, by row of the dataset, degC; `gyro` is None without one.
+    """What the thermometers read, on the grid of the rows, degC; `gyro` is None without one.
 
     `flags` are of readings, `refusals` of columns that are not what they are called. `chamber_good`
     says that the chamber's column is; `u_degC` is what steps and rounding leave unknown.
@@ -128,30 +132,41 @@ class Thermometers:
 def thermometers_of(dataset: TemperatureDataset) -> Thermometers:
     """Return the thermometers of a dataset, screened, filled in and held against the set-points."""
     interval_s = dataset.sample_interval_s
-    set_point = dataset.set_point_degC
+    index = grid_index(dataset.time_s, interval_s)
+    grid = np.arange(int(index[-1]) + 1)
+
+    def placed(values: Array) -> Array:
+        on_grid = np.full(len(grid), np.nan)
+        on_grid[index] = values
+        return on_grid
+
+    set_point = np.interp(grid, index, dataset.set_point_degC)
     stepped = np.abs(np.diff(set_point, prepend=set_point[0])) > STEPPED_SET_POINT_DEGC
     free: Mask = maximum_filter1d(stepped.astype(np.uint8), SETTLING_ROWS, origin=-9) > 0
     air = _channel("the chamber's thermometer", "the set-point")
-    screened, chamber, u_degC = _mended(air, dataset.chamber_degC, free)
+    screened, chamber, u_degC = _mended(air, placed(dataset.chamber_degC), free)
     raised = flags([screened])
     chamber = _filled(chamber, screened.good, set_point)
-    refusals = _refused(dataset, CHAMBER, screened, chamber)
+    refusals = _refused(dataset, CHAMBER, (screened, chamber), set_point, index)
     refusals = refusals or _shifted(CHAMBER, SET_POINT, chamber, set_point, interval_s)
     chamber_good = not refusals
     if dataset.gyro_degC is None:
         return Thermometers(chamber, None, tuple(raised), tuple(refusals), chamber_good, u_degC)
     own = _channel("the gyro's thermometer", "the chamber, behind its lag")
-    screened, gyro, u_degC = _mended(own, dataset.gyro_degC, free & False)
+    screened, gyro, u_degC = _mended(own, placed(dataset.gyro_degC), free & False)
     raised += flags([screened])
-    if screened.good.any() and not screened.good.all():
-        drive = chamber if chamber_good else set_point
+    drive, name = (chamber, CHAMBER) if chamber_good else (set_point, SET_POINT)
+    blurred = float(np.hypot(screened.noise, screened.step / np.sqrt(12.0)))
+    if screened.good.any() and (blurred > QUIET_DEGC or not screened.good.all()):
         roughly = _filled(gyro, screened.good, np.zeros(len(gyro)))
         lag = chamber_lag(roughly, drive, interval_s, screened.good)
         like = np.zeros(len(gyro)) if lag is None else lagged(drive, lag.value, interval_s)
         gyro = _filled(gyro, screened.good, like)
-    wrong = _refused(dataset, GYRO, screened, gyro)
+        if blurred > QUIET_DEGC:
+            wide = min(WIDEST, (blurred / QUIET_DEGC) ** 2 * NARROWEST)
+            gyro = like + uniform_filter1d(gyro - like, int(wide) | 1)
+    wrong = _refused(dataset, GYRO, (screened, gyro), set_point, index)
     wrong = wrong or _exchanged(set_point, chamber, gyro)
-    drive, name = (chamber, CHAMBER) if chamber_good else (set_point, SET_POINT)
     wrong = wrong or _shifted(GYRO, name, gyro, drive, interval_s)
     # The chamber's column serves the lag behind it alone.
     raised += refusals
@@ -198,25 +213,33 @@ def _filled(values: Array, good: Mask, like: Array) -> Array:
 
 
 def _refused(
-    dataset: TemperatureDataset, column: str, screened: Screened, filled: Array
+    dataset: TemperatureDataset,
+    column: str,
+    readings: tuple[Screened, Array],
+    set_point: Array,
+    index: Index,
 ) -> list[Flag]:
-    """Return why a thermometer's column is not what it is called, or nothing."""
-    set_point, interval_s = dataset.set_point_degC, dataset.sample_interval_s
-    share = float(np.mean(screened.good))
+    """Return why a thermometer's column is not what it is called, or nothing.
+
+    `readings` are the screened ones and those filled in, on the grid of the rows at `index`.
+    """
+    screened, filled = readings
+    interval_s = dataset.sample_interval_s
+    share = float(np.mean(screened.good[index]))
     if share < MIN_GOOD:
         stands_text = (
             f"Of the column {column} {100.0 * (1.0 - share):.0f} % are no readings: the "
             "thermometer stood still, or was not connected. Nothing is reported from it."
         )
         return [contradiction(column, stands_text, part=1.0 - share)]
-    ends = soaks_of(dataset, filled)
+    ends = soaks_of(dataset, filled[index])
     if not ends or float(np.ptp(set_point)) < MIN_RANGE:
         return []
-    asked = np.array([float(np.mean(set_point[soak.rows])) for soak in ends])
+    asked = np.array([float(np.mean(dataset.set_point_degC[soak.rows])) for soak in ends])
     read = np.array([soak.temperature_degC for soak in ends])
     off = float(np.median(read - asked))
     limit = MAX_OFF_DEGC if column == CHAMBER else MAX_WARMER_DEGC
-    gain = _gain(filled, set_point, interval_s)
+    _, gain = _behind(filled, set_point, interval_s, gain=True)
     if abs(off) <= limit and abs(gain - 1.0) <= MAX_GAIN_OFF:
         return []
     unit = "kelvin" if abs(off - 273.15) < limit else "another unit, or off"
@@ -228,19 +251,6 @@ def _refused(
         "correct the column."
     )
     return [contradiction(column, unit_text, off_degC=off, gain=gain)]
-
-
-def _gain(values: Array, drive: Array, interval_s: float) -> float:
-    """Return how much values (n,) change over what drives them, behind whatever lag fits best."""
-    best = 1.0
-    least = np.inf
-    for lag_s in np.geomspace(SHORTEST_ROWS * interval_s, MAX_PART * interval_s * len(values), 15):
-        own = np.column_stack([lagged(drive, float(lag_s), interval_s), np.ones(len(values))])
-        sizes = np.linalg.lstsq(own, values, rcond=None)[0]
-        squares = float(np.sum((values - own @ sizes) ** 2))
-        if squares < least:
-            best, least = float(sizes[0]), squares
-    return best
 
 
 def _exchanged(set_point: Array, chamber: Array, gyro: Array) -> list[Flag]:
@@ -261,8 +271,11 @@ def _shifted(
 ) -> list[Flag]:
     """Return the flag of a thermometer whose rows are late, or ahead of what drives it."""
     rows = np.unique(np.rint(np.linspace(-LATEST_S, LATEST_S, 2 * SHIFTS + 1) / interval_s))
-    usual = _squares(values, drive, interval_s)
-    tried = {int(late): _squares(values, _late(drive, int(late)), interval_s) for late in rows}
+    usual, _ = _behind(values, drive, interval_s, gain=False)
+    tried = {
+        int(late): _behind(values, _late(drive, int(late)), interval_s, gain=False)[0]
+        for late in rows
+    }
     late = min(tried, key=lambda own: tried[own])
     if -MAX_EARLY_S < late * interval_s < MAX_LATE_S or tried[late] > BETTER * usual:
         return []
@@ -286,12 +299,17 @@ def _late(values: Array, rows: int) -> Array:
     return shifted
 
 
-def _squares(values: Array, drive: Array, interval_s: float) -> float:
-    """Return the least squares that a lag behind a drive (n,) leaves."""
+def _behind(values: Array, drive: Array, interval_s: float, gain: bool) -> tuple[float, float]:
+    """Return the variance that the best lag behind a drive (n,) leaves, and a gain, else 1."""
 
-    def squares(log_lag: float) -> float:
-        return float(np.var(values - lagged(drive, float(np.exp(log_lag)), interval_s)))
+    def variance(log_lag: float) -> tuple[float, float]:
+        behind = lagged(drive, float(np.exp(log_lag)), interval_s)
+        size = 1.0
+        if gain:
+            centred = behind - behind.mean()
+            size = float(centred @ values) / max(float(centred @ centred), 1e-30)
+        return float(np.var(values - size * behind)), size
 
     shortest, longest = SHORTEST_ROWS * interval_s, MAX_PART * interval_s * len(values)
-    best = minimize_scalar(squares, bounds=(np.log(shortest), np.log(longest)))
-    return float(best.fun)
+    bounds = (np.log(shortest), np.log(longest))
+    return variance(float(minimize_scalar(lambda own: variance(own)[0], bounds=bounds).x))

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from bad_input_files import here
-from bias_records import CASES, Gyro, errors_in_u
+from bias_records import CASES, Gyro, errors_in_u, record
 from numpy.polynomial import chebyshev
 from places import DATA
 
-from procedures.gyro_bias_temperature.analysis import TemperatureAnalysis
+from procedures.gyro_bias_temperature.analysis import TemperatureAnalysis, analyse
 from procedures.gyro_bias_temperature.evaluate import findings_of_dataset
 from procedures.gyro_bias_temperature.figures import draw_parts
 from procedures.gyro_bias_temperature.thermal import lagged, loop
+from procedures.gyro_bias_temperature.units import UNITS
 from station.dataset_reading import read_dataset
 from station.findings import Estimate, Findings
 from station.runner.evaluation import evaluate_dataset
@@ -72,6 +74,49 @@ def test_a_quiet_gyro_shows_every_part_of_the_model() -> None:
     closest = {"sensor_lag": 15.0, "chamber_lag": 1.0}
     for name, (error, u) in pairs.items():
         assert abs(error) < closest.get(name, 3e-3) and abs(error) < 4.0 * u, (name, error, u)
+
+
+@pytest.mark.parametrize("gyro", [Gyro(), Gyro(thermometer=False)])
+def test_one_wild_thermometer_row_moves_nothing(gyro: Gyro) -> None:
+    dataset = record(gyro, 7)
+    name = "gyro_degC" if gyro.thermometer else "chamber_degC"
+    clean = estimates(analyse(dataset))
+    for value in (850.0, -200.0):
+        readings = dataset.temperature_degC.copy()
+        readings[500] = value
+        analysis = analyse(replace(dataset, **{name: readings}))
+        assert "outliers-rejected" in codes(analysis)
+        for result, one in estimates(analysis).items():
+            if one.value is not None:
+                before = clean[result]
+                assert before.value is not None and before.standard_uncertainty is not None
+                assert abs(one.value - before.value) < 0.2 * before.standard_uncertainty, result
+
+
+def test_with_the_chambers_thermometer_alone_the_lag_is_found_from_the_data() -> None:
+    for case, seed in (("chamber alone", 1), ("chamber alone, one lag", 2)):
+        pairs = errors_in_u(CASES[case], seed)
+        assert set(pairs) == set(UNITS) - {"chamber_lag"}
+        for name, (error, u) in pairs.items():
+            assert abs(error) < 4.0 * u, (case, name)
+
+
+def test_what_the_lag_behind_a_chamber_does_not_show_is_null() -> None:
+    """A lag beyond those of gyros: nothing that rests on it is guessed."""
+    slow = Gyro(thermometer=False, chamber_lag_s=12000.0, sensor_lag_s=0.0)
+    came = estimates(analyse(record(slow, 3)))
+    for name in ("sensor_lag", "bias_rate_sensitivity", "hysteresis"):
+        assert came[name].value is None, name
+
+
+def test_a_noisy_thermometer_does_not_take_the_rate_sensitivity_away() -> None:
+    dataset = record(Gyro(), 3)
+    assert dataset.gyro_degC is not None
+    noise = np.random.default_rng(3).normal(0.0, 0.5, len(dataset.time_s))
+    own = estimates(analyse(replace(dataset, gyro_degC=dataset.gyro_degC + noise)))
+    s = own["bias_rate_sensitivity"]
+    assert s.value is not None and s.standard_uncertainty is not None
+    assert abs(s.value - 0.4) < 4.0 * s.standard_uncertainty
 
 
 def test_a_lag_is_no_half_interval_late_and_a_loop_has_two_sides() -> None:

@@ -102,7 +102,43 @@ def wave(rate: Array) -> Array:
     return np.asarray(rate + 0.1 * np.sin(0.4 * np.pi * np.arange(len(rate)))[:, None])
 
 
-CLEAN: Sequence[Callable[[int], Sample]] = (of(Gyro()),)
+def column(name: str, change: Callable[[Array], Array]) -> Callable[..., TemperatureDataset]:
+    """Return the change of a thermometer's column (n,)."""
+    return lambda one, _: replace(one, **{name: change(getattr(one, name).copy())})
+
+
+def at_row(value: float, readings: Array) -> Array:
+    """Return readings of which one is another."""
+    readings[500] = value
+    return readings
+
+
+def held(part: float, readings: Array) -> Array:
+    """Return readings that stand for a part of them."""
+    readings[400 : 400 + round(part * len(readings))] = readings[400]
+    return readings
+
+
+def later(rows: int, readings: Array) -> Array:
+    """Return readings so many rows later."""
+    place = np.clip(np.arange(len(readings)) - rows, 0, len(readings) - 1)
+    return np.asarray(readings[place])
+
+
+def exchanged(one: TemperatureDataset, _: int) -> TemperatureDataset:
+    """Return a dataset whose thermometers are exchanged."""
+    assert one.gyro_degC is not None
+    return replace(one, gyro_degC=one.chamber_degC, chamber_degC=one.gyro_degC)
+
+
+def fahrenheit(readings: Array) -> Array:
+    """Return temperatures in degrees Fahrenheit."""
+    return np.asarray(1.8 * readings + 32.0)
+
+
+BOTH, CHAMBER_ALONE = of(Gyro()), of(Gyro(thermometer=False))
+FORMS = (("gyro_degC", BOTH), ("chamber_degC", CHAMBER_ALONE))
+CLEAN: Sequence[Callable[[int], Sample]] = (BOTH,)
 LONE_RAMP = Gyro(steps=((60, 0.2),), soak_h=0.05)
 SPOILT = Gyro(spikes=(100, 700, 1100), lost=slice(400, 420))
 
@@ -127,6 +163,23 @@ ROWS: Sequence[Row] = (
         seeds=(4,), others="", below_u=4.0),
     row("a record at one temperature", of(Gyro(steps=((23.5, 1.0),))), "not-identifiable",
         seeds=(1,), null="*"),
+    *(row(f"a reading of {value:g} in {name}", but(kind, column(name, partial(at_row, value))),
+        "outliers-rejected", seeds=(2,), below_u=4.0)
+      for name, kind in FORMS for value in (850.0, -200.0, 40.0)),
+    *(row(f"{name} frozen for {part:g}", but(kind, column(name, partial(held, part))),
+        "frozen", seeds=(2,), below_u=4.0)
+      for name, kind in FORMS for part in (0.1, 0.2)),
+    *(row(f"{name} {rows} rows late", but(kind, column(name, partial(later, rows))),
+        "contradicts-statement not-identifiable", seeds=(2,), null="*")
+      for name, kind in FORMS for rows in (-30, 30)),
+    *(row(f"{name} in degF", but(kind, column(name, fahrenheit)),
+        "contradicts-statement not-identifiable", seeds=(2,), null="*")
+      for name, kind in FORMS),
+    *(row(f"output {rows} rows late", but(BOTH, rows_of(partial(later, rows))),
+        "contradicts-statement", seeds=(2,))
+      for rows in (-30, 30)),
+    row("thermometers exchanged", but(BOTH, exchanged), "contradicts-statement",
+        seeds=(2,), null="*"),
     *refusals(
         example("gyro-bias-temperature"),
         ("samples.csv", "60,soak,23,", "60,wait,23,", "no phase"),
