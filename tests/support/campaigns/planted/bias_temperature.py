@@ -102,7 +102,7 @@ def wave(rate: Array) -> Array:
     return np.asarray(rate + 0.1 * np.sin(0.4 * np.pi * np.arange(len(rate)))[:, None])
 
 
-def column(name: str, change: Callable[[Array], Array]) -> Callable[..., TemperatureDataset]:
+def column_of(name: str, change: Callable[[Array], Array]) -> Callable[..., TemperatureDataset]:
     """Return the change of a thermometer's column (n,)."""
     return lambda one, _: replace(one, **{name: change(getattr(one, name).copy())})
 
@@ -125,7 +125,7 @@ def later(rows: int, readings: Array) -> Array:
     return np.asarray(readings[place])
 
 
-def exchanged(one: TemperatureDataset, _: int) -> TemperatureDataset:
+def thermometers_exchanged(one: TemperatureDataset, _: int) -> TemperatureDataset:
     """Return a dataset whose thermometers are exchanged."""
     assert one.gyro_degC is not None
     return replace(one, gyro_degC=one.chamber_degC, chamber_degC=one.gyro_degC)
@@ -136,9 +136,9 @@ def fahrenheit(readings: Array) -> Array:
     return np.asarray(1.8 * readings + 32.0)
 
 
-BOTH, CHAMBER_ALONE = of(Gyro()), of(Gyro(thermometer=False))
-FORMS = (("gyro_degC", BOTH), ("chamber_degC", CHAMBER_ALONE))
-CLEAN: Sequence[Callable[[int], Sample]] = (BOTH,)
+OWN_THERMOMETER, CHAMBER_ALONE = of(Gyro()), of(Gyro(thermometer=False))
+FORMS = (("gyro_degC", OWN_THERMOMETER), ("chamber_degC", CHAMBER_ALONE))
+CLEAN: Sequence[Callable[[int], Sample]] = (OWN_THERMOMETER,)
 LONE_RAMP = Gyro(steps=((60, 0.2),), soak_h=0.05)
 SPOILT = Gyro(spikes=(100, 700, 1100), lost=slice(400, 420))
 
@@ -163,23 +163,23 @@ ROWS: Sequence[Row] = (
         seeds=(4,), others="", below_u=4.0),
     row("a record at one temperature", of(Gyro(steps=((23.5, 1.0),))), "not-identifiable",
         seeds=(1,), null="*"),
-    *(row(f"a reading of {value:g} in {name}", but(kind, column(name, partial(at_row, value))),
+    *(row(f"a reading of {value:g} in {name}", but(kind, column_of(name, partial(at_row, value))),
         "outliers-rejected", seeds=(2,), below_u=4.0)
       for name, kind in FORMS for value in (850.0, -200.0, 40.0)),
-    *(row(f"{name} frozen for {part:g}", but(kind, column(name, partial(held, part))),
+    *(row(f"{name} frozen for {part:g}", but(kind, column_of(name, partial(held, part))),
         "frozen", seeds=(2,), below_u=4.0)
       for name, kind in FORMS for part in (0.1, 0.2)),
-    *(row(f"{name} {rows} rows late", but(kind, column(name, partial(later, rows))),
+    *(row(f"{name} {rows} rows late", but(kind, column_of(name, partial(later, rows))),
         "contradicts-statement not-identifiable", seeds=(2,), null="*")
       for name, kind in FORMS for rows in (-30, 30)),
-    *(row(f"{name} in degF", but(kind, column(name, fahrenheit)),
+    *(row(f"{name} in degF", but(kind, column_of(name, fahrenheit)),
         "contradicts-statement not-identifiable", seeds=(2,), null="*")
       for name, kind in FORMS),
-    *(row(f"output {rows} rows late", but(BOTH, rows_of(partial(later, rows))),
+    *(row(f"output {rows} rows late", but(OWN_THERMOMETER, rows_of(partial(later, rows))),
         "contradicts-statement", seeds=(2,))
       for rows in (-30, 30)),
-    row("thermometers exchanged", but(BOTH, exchanged), "contradicts-statement",
-        seeds=(2,), null="*"),
+    row("thermometers exchanged", but(OWN_THERMOMETER, thermometers_exchanged),
+        "contradicts-statement", seeds=(2,), null="*"),
     *refusals(
         example("gyro-bias-temperature"),
         ("samples.csv", "60,soak,23,", "60,wait,23,", "no phase"),
