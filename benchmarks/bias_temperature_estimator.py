@@ -41,11 +41,21 @@ def trial(gyro: Gyro, seed: int) -> Trial:
 
 
 def trials() -> Trials:
-    """Return what analyses a record of each case, by the gyro's thermometer and without it."""
-    return {name: partial(trial, gyro) for name, gyro in CASES.items()} | {
-        f"{name}, the chamber's thermometer alone": partial(trial, replace(gyro, thermometer=False))
-        for name, gyro in CASES.items()
+    """Return what analyses a record of each case, by the gyro's thermometer and without it.
+
+    A case of the chamber's thermometer alone that is another one without its own is made once.
+    """
+    both = {name: gyro for name, gyro in CASES.items() if gyro.thermometer}
+    alone = {
+        f"{name}, the chamber's thermometer alone": replace(gyro, thermometer=False)
+        for name, gyro in both.items()
     }
+    others = {
+        name: gyro
+        for name, gyro in CASES.items()
+        if not gyro.thermometer and gyro not in alone.values()
+    }
+    return {name: partial(trial, gyro) for name, gyro in {**both, **alone, **others}.items()}
 
 
 def main() -> None:
