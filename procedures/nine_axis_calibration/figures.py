@@ -25,6 +25,7 @@ from station.plots import (
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
 from station.results import ResultDocument
 
+from .all_axes.spheres import spheres
 from .calibration import Correction, correction_of
 from .dataset import AXES, Array, NineAxisDataset
 from .findings import NineAxisAnalysis, StaticSummary
@@ -49,6 +50,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(_rate_residuals(analysis))
     if np.isfinite(analysis.gain).any():
         parts.append(_gain(analysis))
+    if analysis.others is not None:
+        parts += spheres(analysis.others)
     correction = correction_of(analysis)
     if correction is not None:
         parts.append(_correction(correction))

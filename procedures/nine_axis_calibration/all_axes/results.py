@@ -54,6 +54,7 @@ GRAVITY, FIELD = "prior_local_gravity", "prior_earth_field"
 SCALE = "magnetometer_scale_factor"
 PLATFORM_AXES = ("north", "west", "up")
 """Of a field fixed to what turns, at the encoder's zero."""
+ELLIPSOID_TERMS = 9
 IN_ACCELEROMETERS = [name for name in UNITS if not name.startswith("magnetometer")]
 IN_MAGNETOMETER = [name for name in UNITS if name.startswith("magnetometer")]
 
@@ -69,10 +70,12 @@ class OtherResults:
     inputs: tuple[InputQuantity, ...]
     inertial: Inertial | None
     magnetic: Magnetic | None
+    recorded: OtherAxes
 
 
 def results_of(data: OtherAxes) -> OtherResults:
     """Return results, flags and inputs of the other six axes. Raises nothing for poor data."""
+    recorded = data
     data, clipped = without_clipped(data)
     orientations, force_steps = orientations_of(data)
     felt, delay_s, field_steps = felt_of(data)
@@ -100,6 +103,7 @@ def results_of(data: OtherAxes) -> OtherResults:
         tuple(_inputs(data)),
         inertial,
         magnetic,
+        recorded,
     )
 
 
@@ -306,6 +310,38 @@ def published(data: OtherAxes, orientations: Sequence[Orientation]) -> Iterator[
         for n, axis in enumerate(AXES):
             scale = float(high[n] - low[n]) / (2.0 * data.field_nT)
             yield Published("magnetometer_scale_factor", axis, scale, "1", "min-max")
+    fitted = ellipsoid(samples)
+    if fitted is None:
+        return
+    for n, axis in enumerate(AXES):
+        yield Published("magnetometer_offset", axis, float(fitted[0][n]), "nT", "ellipsoid")
+        if data.field_nT is not None:
+            scale = float(fitted[1][n, n]) / data.field_nT
+            yield Published("magnetometer_scale_factor", axis, scale, "1", "ellipsoid")
+
+
+def ellipsoid(samples: Array) -> tuple[Array, Array] | None:
+    """Return middle (3,) and root (3, 3) of the ellipsoid nearest to samples (n, 3).
+
+    The root maps the unit sphere to it without a turn. By least squares of its equation, as the
+    textbook has it: noise moves the middle. None where the samples lie on no ellipsoid.
+    """
+    samples = samples[np.isfinite(samples).all(axis=1)]
+    if len(samples) < ELLIPSOID_TERMS:
+        return None
+    size = float(np.median(np.linalg.norm(samples - samples.mean(axis=0), axis=1))) or 1.0
+    x, y, z = (samples / size).T
+    columns = np.column_stack((x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, x, y, z))
+    normal = columns.T @ columns
+    if np.linalg.matrix_rank(normal, hermitian=True) < ELLIPSOID_TERMS:
+        return None
+    a, b, c, d, e, f, *line = np.linalg.solve(normal, columns.sum(axis=0))
+    form = np.array([[a, d, e], [d, b, f], [e, f, c]])
+    if float(np.linalg.eigvalsh(form)[0]) <= 0.0:
+        return None
+    middle = -0.5 * np.linalg.solve(form, np.array(line))
+    values, vectors = np.linalg.eigh(form / (1.0 + middle @ form @ middle))
+    return size * middle, size * (vectors / np.sqrt(values)) @ vectors.T
 
 
 def _field_samples(data: OtherAxes) -> Array:

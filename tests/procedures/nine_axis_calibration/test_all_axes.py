@@ -14,6 +14,7 @@ from nine_axis_records import PRIOR
 from nine_axis_stands import FACES, Bench, truth_of
 
 from procedures.nine_axis_calibration.all_axes.results import OtherResults, results_of
+from procedures.nine_axis_calibration.all_axes.spheres import fields, spheres
 from procedures.nine_axis_calibration.all_axes.stands import CoilRecord, OtherAxes, direction
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.dataset import NineAxisDataset
@@ -212,7 +213,7 @@ def test_an_imported_folder_gives_all_nine_axes(folder: Path) -> None:
         error = results[key]["value"] - truth[key]
         assert abs(error) < 4.5 * results[key]["standard_uncertainty"], key
     methods = {one["method"] for one in document["as_published"]}
-    assert {"six-position", "min-max"} <= methods
+    assert {"six-position", "min-max", "ellipsoid"} <= methods
 
 
 @pytest.mark.parametrize(
@@ -321,3 +322,16 @@ def test_scale_factors_of_gyros_are_about_their_own_axes() -> None:
             off.append((one.value - truth) / one.standard_uncertainty)
     assert float(np.sqrt(np.mean(np.square(off)))) < 1.5
     assert float(np.max(np.abs(off))) < 4.0
+
+
+def test_calibrated_output_lies_on_the_sphere_and_the_ellipsoid_stands_beside_it() -> None:
+    bench = Bench(5005)
+    found = results_of(bench.data())
+    plots = list(spheres(found))
+    assert [plot.title.split()[0] for plot in plots] == ["Accelerometers", "Magnetometer"]
+    assert found.magnetic is not None
+    read, corrected = fields(found.recorded, found.magnetic)
+    off = [np.std(np.linalg.norm(values, axis=1)) for values in (read, corrected)]
+    assert off[1] < 80.0 < off[0]
+    (x, *_) = [one.value for one in found.published if one.method == "ellipsoid"]
+    assert x == pytest.approx(bench.sensor.offset_nT[0], abs=1000.0)
