@@ -46,6 +46,7 @@ from .turning import axis_means
 __all__ = ["AnalysisSettings", "NineAxisAnalysis", "analyse"]
 
 CONTRADICT = 0.999
+STANDS_STILL, SMALLEST_G = 1e-6, 1e-9
 UNFILTERED_S = 0.5
 """At shorter averaging times a sensor's own filter hides some of its white noise."""
 
@@ -152,7 +153,11 @@ def _static(
         rates = [record.rate_deg_per_h[:, axis] for record in records]
         gyros.append(means_of(rates, times, interval_s, settings.outlier))
         accelerations = [record.acceleration_g[:, axis] for record in records]
-        accelerometers.append(means_of(accelerations, times, interval_s, settings.outlier))
+        means = means_of(accelerations, times, interval_s, settings.outlier)
+        u, bias_g = means.standard_uncertainty, dataset.prior.accelerometer_bias_g
+        # Output that stands still in its steps is no surer than the bias.
+        sure = np.where(u > STANDS_STILL * bias_g, u, np.maximum(bias_g, SMALLEST_G))
+        accelerometers.append(replace(means, standard_uncertainty=sure))
     gyro = np.array([gyro.value for gyro in gyros]).T
     gyro_u = np.array([gyro.standard_uncertainty for gyro in gyros]).T
     acceleration = np.array([accelerometer.value for accelerometer in accelerometers]).T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,3 +250,68 @@ def truth_of(sensor: Sensor) -> dict[tuple[str, str], float]:
                 lean = arcsec * sensor.gain[n, m] / sensor.gain[n, n]
                 found["magnetometer_misalignment", axis + other] = lean
     return found
+
+
+CONDITIONS = """\
+dataset: 1
+procedure: nine-axis-calibration
+files: {static: static.csv, rate: rate.csv, poses: poses.csv}
+conditions:
+  latitude: 39.9 deg
+  local_gravity: GRAVITY g
+  earth_field: {magnitude: FIELD nT}
+  prior:
+    heading: 10 arcmin
+    relative_heading: 0.5 arcmin
+    tilt: TILT arcmin
+    edge: EDGE deg
+    mounting: MOUNTING arcmin
+    accelerometer_bias: 0.001 g
+    earth_field_magnitude: 50 nT
+"""
+
+
+def write(data: OtherAxes, folder: Path) -> Path:
+    """Write stands and turns as a dataset: position 1 is the first stand, the others are poses."""
+    per_arcmin = 60.0 * float(np.degrees(1.0))
+    edges = [rest.u_rad for rest in data.rests if np.count_nonzero(rest.up) > 1]
+    known = {
+        "GRAVITY": data.gravity_g,
+        "FIELD": data.field_nT or FIELD_NT,
+        "TILT": data.rests[0].u_rad * per_arcmin,
+        "EDGE": np.degrees(edges[0]) if edges else 1.0,
+        "MOUNTING": data.mountings[0].u_rad * per_arcmin,
+    }
+    conditions = CONDITIONS
+    for word, value in known.items():
+        conditions = conditions.replace(word, f"{value:.9g}")
+    (folder / "dataset.yaml").write_text(conditions, encoding="utf-8")
+    first = data.rests[0]
+    static = ["position,t_s,gx_deg_per_h,gy_deg_per_h,gz_deg_per_h,ax_g,ay_g,az_g"]
+    noise = np.random.default_rng(1).normal(0.0, 0.7, (len(first.time_s), 3))
+    for t_s, rate, force in zip(first.time_s, noise, first.acceleration_g, strict=True):
+        values = (t_s, rate[0], 11.54 + rate[1], 9.65 + rate[2], *force)
+        static.append(f"1,{','.join(f'{value:.9g}' for value in values)}")
+    poses = ["pose,t_s,ax_g,ay_g,az_g,mx_nT,my_nT,mz_nT"]
+    for rest in data.rests[1:]:
+        assert rest.field_nT is not None
+        for row in np.column_stack((rest.time_s, rest.acceleration_g, rest.field_nT)):
+            word = rest.name.removeprefix("pose ")
+            poses.append(f"{word},{','.join(f'{value:.9g}' for value in row)}")
+    rate = [
+        "axis,commanded_deg_per_s,t_s,gx_deg_per_s,gy_deg_per_s,gz_deg_per_s,"
+        "ax_g,ay_g,az_g,mx_nT,my_nT,mz_nT,encoder_deg"
+    ]
+    for mounted in data.mountings:
+        for one in mounted.records:
+            assert one.acceleration_g is not None
+            assert one.field_nT is not None
+            turn = one.turn
+            columns = (turn.time_s, turn.rate_deg_per_s, one.acceleration_g, one.field_nT)
+            for row, angle in zip(np.column_stack(columns), turn.encoder_deg, strict=True):
+                numbers = ",".join(f"{value:.9g}" for value in (*row, angle))
+                word = mounted.name.removeprefix("mounting ")
+                rate.append(f"{word},{turn.commanded_deg_per_s:g},{numbers}")
+    for name, lines in (("static", static), ("poses", poses), ("rate", rate)):
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder

@@ -188,7 +188,9 @@ def _averaged(mounting: Mounted, waves: Sequence[Wave], delay_s: Array, steps: S
 def _weighted(waves: Sequence[Wave], delay_s: Array, steps: Steps) -> tuple[Array, Array]:
     """Return the mean wave (3, 3) of one sense, records weighted by their length; covariance."""
     length = np.array([1.0 / max(float(wave.inverse[0, 0]), SMALLEST) for wave in waves])
-    there = np.array([np.isfinite(wave.value[0]) for wave in waves])
+    # What never changes has measured nothing.
+    noisy = [np.maximum(wave.sigma, steps.step) > 0.0 for wave in waves]
+    there = np.array([np.isfinite(wave.value[0]) for wave in waves]) & np.array(noisy)
     shares = there * length[:, None]
     total = shares.sum(axis=0)
     value, covariance = np.zeros((3, 3)), np.zeros((9, 9))

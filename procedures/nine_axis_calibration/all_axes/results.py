@@ -55,6 +55,8 @@ SCALE = "magnetometer_scale_factor"
 PLATFORM_AXES = ("north", "west", "up")
 """Of a field fixed to what turns, at the encoder's zero."""
 ELLIPSOID_TERMS = 9
+MAX_FROM_ONE = {"accelerometer_scale_factor": 0.05, SCALE: 0.2}
+"""Soft iron takes a magnetometer by 5 %; no sensor leaves its maker with more than these."""
 IN_ACCELEROMETERS = [name for name in UNITS if not name.startswith("magnetometer")]
 IN_MAGNETOMETER = [name for name in UNITS if name.startswith("magnetometer")]
 
@@ -95,6 +97,7 @@ def results_of(data: OtherAxes) -> OtherResults:
     flags += coarse_flags(ACCELEROMETER, force_steps)
     flags += coarse_flags(MAGNETOMETER, field_steps)
     flags += _doubts(inertial, magnetic, coil)
+    flags += _implausible(estimates)
     return OtherResults(
         tuple(estimates),
         _misalignment(inertial) if inertial is not None and inertial.gyros else (),
@@ -274,6 +277,27 @@ def _doubts(
             "currents near the bench, and for a field that goes with the table's motor."
         )
         yield Flag("field-wanders", message, None, {"wander_nT": magnetic.wander_nT})
+
+
+def _implausible(estimates: Sequence[Estimate]) -> Iterator[Flag]:
+    """Yield a flag for each sensor whose scale factors deny the unit, sign or axis of an output."""
+    for name, most in MAX_FROM_ONE.items():
+        off = [
+            estimate
+            for estimate in estimates
+            if estimate.name == name
+            and estimate.value is not None
+            and abs(estimate.value - 1.0) > most
+        ]
+        if not off:
+            continue
+        sensor = name.removesuffix("_scale_factor")
+        values = ", ".join(f"{estimate.axis} {estimate.value:.4g}" for estimate in off)
+        message = (
+            f"The {sensor} answers {values} times what is there: its unit, its sign or the order "
+            "of its axes is not as stated. Look at the columns and at how the sensor stood."
+        )
+        yield Flag("contradicts-statement", message, None, {"statement": "unit", "sensor": sensor})
 
 
 def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:

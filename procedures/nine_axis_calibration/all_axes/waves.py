@@ -96,7 +96,12 @@ def at_rest(samples: Array, steps: Steps) -> tuple[Array, Array]:
         if len(values) > 1:
             mean[channel] = values.mean()
             noise = max(float(values.std(ddof=1)), WHITE * step)
-            u[channel] = np.hypot(noise / np.sqrt(len(values)), steps.rounding[channel])
+            size = float(np.hypot(noise / np.sqrt(len(values)), steps.rounding[channel]))
+            # What never changes, in no record, has measured nothing.
+            if size <= 0.0:
+                mean[channel] = np.nan
+                continue
+            u[channel] = size
     return mean, u
 
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from nine_axis_records import PRIOR
-from nine_axis_stands import FACES, Bench, truth_of
+from nine_axis_stands import FACES, Bench, truth_of, write
 
 from procedures.nine_axis_calibration.all_axes.results import OtherResults, results_of
 from procedures.nine_axis_calibration.all_axes.spheres import fields, spheres
-from procedures.nine_axis_calibration.all_axes.stands import CoilRecord, OtherAxes, direction
+from procedures.nine_axis_calibration.all_axes.stands import CoilRecord, direction
 from procedures.nine_axis_calibration.analysis import analyse
 from procedures.nine_axis_calibration.dataset import NineAxisDataset
 from procedures.nine_axis_calibration.evaluate import findings_of_dataset
@@ -148,59 +148,9 @@ def test_directions_are_unit_vectors() -> None:
     assert np.allclose(direction("-X-Y-Z"), -(3**-0.5))
 
 
-CONDITIONS = """\
-dataset: 1
-procedure: nine-axis-calibration
-files: {static: static.csv, rate: rate.csv, poses: poses.csv}
-conditions:
-  latitude: 39.9 deg
-  earth_field: {magnitude: 54823 nT}
-  prior:
-    heading: 10 arcmin
-    relative_heading: 0.5 arcmin
-    tilt: 0.5 arcmin
-    accelerometer_bias: 0.001 g
-    earth_field_magnitude: 50 nT
-"""
-
-
-def written(data: OtherAxes, folder: Path) -> Path:
-    """Write stands and turns as a dataset: position 1 is the first stand, the others are poses."""
-    (folder / "dataset.yaml").write_text(CONDITIONS, encoding="utf-8")
-    first = data.rests[0]
-    static = ["position,t_s,gx_deg_per_h,gy_deg_per_h,gz_deg_per_h,ax_g,ay_g,az_g"]
-    noise = np.random.default_rng(1).normal(0.0, 0.7, (len(first.time_s), 3))
-    for t_s, rate, force in zip(first.time_s, noise, first.acceleration_g, strict=True):
-        values = (t_s, rate[0], 11.54 + rate[1], 9.65 + rate[2], *force)
-        static.append(f"1,{','.join(f'{one:.9g}' for one in values)}")
-    poses = ["pose,t_s,ax_g,ay_g,az_g,mx_nT,my_nT,mz_nT"]
-    for rest in data.rests[1:]:
-        assert rest.field_nT is not None
-        for row in np.column_stack((rest.time_s, rest.acceleration_g, rest.field_nT)):
-            word = rest.name.removeprefix("pose ")
-            poses.append(f"{word},{','.join(f'{one:.9g}' for one in row)}")
-    rate = [
-        "axis,commanded_deg_per_s,t_s,gx_deg_per_s,gy_deg_per_s,gz_deg_per_s,"
-        "ax_g,ay_g,az_g,mx_nT,my_nT,mz_nT,encoder_deg"
-    ]
-    for mounted in data.mountings:
-        for one in mounted.records:
-            assert one.acceleration_g is not None
-            assert one.field_nT is not None
-            turn = one.turn
-            columns = (turn.time_s, turn.rate_deg_per_s, one.acceleration_g, one.field_nT)
-            for row, angle in zip(np.column_stack(columns), turn.encoder_deg, strict=True):
-                numbers = ",".join(f"{value:.9g}" for value in (*row, angle))
-                word = mounted.name.removeprefix("mounting ")
-                rate.append(f"{word},{turn.commanded_deg_per_s:g},{numbers}")
-    for name, lines in (("static", static), ("poses", poses), ("rate", rate)):
-        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return folder
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(Bench(9, poses=FACES).data(), tmp_path_factory.mktemp("all-axes"))
+    return write(Bench(9, poses=FACES).data(), tmp_path_factory.mktemp("all-axes"))
 
 
 def test_an_imported_folder_gives_all_nine_axes(folder: Path) -> None:
@@ -222,7 +172,13 @@ def test_an_imported_folder_gives_all_nine_axes(folder: Path) -> None:
         ("poses.csv", lambda text: text.replace("-X,1,", "-W,1,", 1), "'-W' is no direction"),
         ("poses.csv", lambda text: text.replace("ay_g,", "", 1), "row"),
         ("rate.csv", lambda text: text.replace("\nX,", "\nX+,", 1), "'X\\+' is no direction"),
-        ("dataset.yaml", lambda text: text.replace("54823 nT", "5 mm"), "earth_field"),
+        (
+            "dataset.yaml",
+            lambda text: text.replace(
+                "earth_field: {magnitude: 54", "earth_field: {magnitude: 5 mm, x: 54"
+            ),
+            "earth_field",
+        ),
         ("dataset.yaml", lambda text: text.replace("poses:", "pose:"), "is not known here"),
     ],
 )

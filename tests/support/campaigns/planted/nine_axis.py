@@ -33,6 +33,8 @@ from campaigns.planted.judging import (
     row,
 )
 from campaigns.planted.nine_axis_mishaps import STATIC_FAULTS, TURNING_FAULTS, Plant, rounded
+from campaigns.planted.nine_axis_others import CLEAN as OTHERS_CLEAN
+from campaigns.planted.nine_axis_others import FAULTS as OTHERS
 from procedures.nine_axis_calibration.all_axes.results import results_of
 from procedures.nine_axis_calibration.all_axes.stands import OtherAxes
 from procedures.nine_axis_calibration.analysis import analyse
@@ -56,7 +58,15 @@ KINDS = (
     (Case("whole turns", None, turns=2, static_s=150), False),
 )
 USUAL_FLAGS = frozenset(
-    {"part-turns", "not-significant", "not-identifiable", "heading-differs-from-prior"}
+    {
+        "position-missing",
+        "published-rule-without-data",
+        "outside-published-range",
+        "part-turns",
+        "not-significant",
+        "not-identifiable",
+        "heading-differs-from-prior",
+    }
 )
 """What clean datasets of these kinds say: turns of 72 deg, asymmetries that are noise, no gyros
 across the turned axis, a heading beyond two of its standard deviations once in twenty."""
@@ -235,8 +245,8 @@ def _of_kind(kind: int) -> Callable[[int], Made]:
     return lambda seed: made(*clean(seed, kind))
 
 
-FAULTS = tuple(_fault(one) for one in (*STATIC_FAULTS, *TURNING_FAULTS))
-CLEAN = tuple(_of_kind(kind) for kind in range(len(KINDS)))
+FAULTS = (*(_fault(one) for one in (*STATIC_FAULTS, *TURNING_FAULTS)), *OTHERS)
+CLEAN = (*(_of_kind(kind) for kind in range(len(KINDS))), *OTHERS_CLEAN)
 
 
 def of(**setting: Any) -> Callable[[int], Held]:
