@@ -28,12 +28,14 @@ COEFFICIENTS = tuple(UNITS)[:4]
 class Record:
     """One switch-on, warm-up left out: `time_s` (n,) the middle of each interval, gaps possible.
 
+    Times count from power-on; `on_s` is when that was on the run's clock, None where nobody knows.
     `rate_deg_per_h` (n, axes) is the mean over the interval, earth's rate in it.
     """
 
     switch_on: int
     time_s: Array
     rate_deg_per_h: Array
+    on_s: float | None = None
 
 
 @dataclass(frozen=True)

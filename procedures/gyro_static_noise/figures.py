@@ -101,10 +101,8 @@ def _records(analysed: AxisAnalysis, interval_s: float) -> Plot:
 def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
     earth = dataset.directions[analysed.axis].earth_deg_per_h(dataset.latitude_rad)
     rows = [
-        [str(number), f"{len(screened.there)}", format_number(float(mean) - earth)]
-        for number, (screened, mean) in enumerate(
-            zip(analysed.used, analysed.means, strict=True), 1
-        )
+        [str(number), f"{count}", format_number(float(mean) - earth)]
+        for number, (count, mean) in enumerate(zip(analysed.counts, analysed.means, strict=True), 1)
     ]
     sentence = f"Mean of each switch-on, earth's rate of {earth:.4f} deg/h taken off."
     return Table(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from procedures.estimation.channel import flags
-from procedures.estimation.flags import not_identifiable
+from procedures.estimation.flags import counted, not_identifiable
 from station.findings import Flag
 
 from .axis import AxisAnalysis
@@ -20,6 +20,23 @@ def data_flags(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Flag]:
             "follow one another, and u of the quantisation noise is twice as large."
         )
         raised.append(Flag("coarse-output", sentence, analysed.axis))
+    return raised + _bursts(analysed)
+
+
+def _bursts(analysed: AxisAnalysis) -> list[Flag]:
+    """Return the flags of blocks that the noise does not give, and that are left out."""
+    raised = []
+    for block in analysed.disturbed:
+        how = f"lies {block.burst.shift:.3g} deg/h beside the rest"
+        if block.burst.scatter:
+            how = f"scatters {block.burst.scatter:.2g} times as much as the rest"
+        sentence = (
+            f"From {block.begin_s:.5g} s to {block.end_s:.5g} s of switch-on {block.switch_on} "
+            f"{analysed.axis} {how}, which its noise does not do: {counted(block.count, 'sample')} "
+            "left out. Look for a shock, a step or somebody at the plate."
+        )
+        details = {"count": block.count, "begin_s": block.begin_s, "end_s": block.end_s}
+        raised.append(Flag("misfit", sentence, analysed.axis, {"what": "burst", **details}))
     return raised
 
 
@@ -27,7 +44,7 @@ def noise_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag
     """Return the flags on the noise of an axis."""
     fit = analysed.fit
     if fit is None:
-        seen = ("bias", "bias_repeatability") if len(analysed.means) else ()
+        seen = ("bias",) if len(analysed.means) > 1 else ()
         lost = [name for name in UNITS if name not in seen]
         sentence = f"No record of {analysed.axis} is long enough to show its noise; record longer."
         return [not_identifiable(sentence, lost, analysed.axis)]

@@ -35,8 +35,9 @@ def dataset_of_run(folder: RunFolder, parameters: StaticParameters, bench: Bench
         whole = np.diff(number) == 1
         middle_s = align(number, rows["arrival_time_s"], interval_s).run_time_s(number[1:] - 0.5)
         rate = pulses * pulse / interval_s
-        time_s = middle_s[whole] - details["on_s"]
-        records.append(Record(int(details["switch_on"]), time_s, rate[whole][:, None]))
+        on_s = float(details["on_s"])
+        time_s, own = middle_s[whole] - on_s, rate[whole][:, None]
+        records.append(Record(int(details["switch_on"]), time_s, own, on_s))
     return StaticDataset(
         directions={
             axis: Direction(np.deg2rad(direction.azimuth_deg), np.deg2rad(direction.elevation_deg))

@@ -45,10 +45,16 @@ def centred_times(count: int, interval_s: float) -> Array:
     return np.asarray((np.arange(count) - 0.5 * (count - 1)) * interval_s, dtype=np.float64)
 
 
-def strongest_line(best: Components, interval_s: float, counts: Sequence[int]) -> float | None:
+def strongest_line(
+    best: Components,
+    interval_s: float,
+    counts: Sequence[int],
+    known: Sequence[Sequence[tuple[float, float]]] = (),
+) -> float | None:
     """Return the frequency in Hz that lowers -2 ln L most; None where none is worth a try.
 
-    Looked for in the residuals made white, then refined with the noise as it is.
+    Looked for in the residuals made white, then refined with the noise as it is. What beats in the
+    `known` bands, in Hz, of any record is its rounding.
     """
     length = next_fast_len(FINER * max(counts), real=True)
     falls = np.zeros(length // 2 + 1)
@@ -59,6 +65,8 @@ def strongest_line(best: Components, interval_s: float, counts: Sequence[int]) -
     frequency = np.arange(len(falls)) / (length * interval_s)
     span_s = max(counts) * interval_s
     falls[frequency < FEWEST_CYCLES / span_s] = 0.0
+    for low_Hz, high_Hz in (band for bands in known for band in bands):
+        falls[(frequency >= low_Hz) & (frequency <= high_Hz)] = 0.0
     top = int(np.argmax(falls))
     if falls[top] < WORTH_A_TRY:
         return None

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procedures.estimation.rate_spectrum import coefficients, noise_variances
-from procedures.estimation.reml import Components, Stretch, fit, profile_interval, solve
+from procedures.estimation.reml import Components, Solved, Stretch, fit, profile_interval, solve
 
 from .bridging import bridged
 from .dataset import SECONDS_PER_HOUR, Array
 from .lines import Line, centred_times, line_columns, strongest_line
-from .rounding import WHITE_FROM, rounding_variances
+from .rounding import BLOCKS, WHITE_FROM, beats, rounding_variances
 
 FEWEST = 40
 """Samples of a record below which it says nothing about noise."""
@@ -24,8 +24,6 @@ WALK_ALLOWED = 0.7
 """Standard uncertainties by which the random walk may be larger, for u of the ramp."""
 SAWTOOTH_U = 2.0
 ROUNDS = 3
-BLOCKS = 16
-"""Parts of a record in which the mean rate decides how roundings follow one another."""
 WHITE = 1e9
 
 
@@ -34,7 +32,8 @@ class NoiseFit:
     """The squares theta (4,) of Q, N, B, K in arcsec, deg/h sqrt(s), deg/h, deg/h/sqrt(s).
 
     Q holds the rounding of pulses; its u is infinite where the output's band hides it. `intervals`
-    (4, 2) are of the squares, 95 %. `sawtooth` says that roundings follow one another.
+    (4, 2) are of the squares, 95 %. `sawtooth` says that roundings follow one another. `solved` are
+    the sizes of ramp and lines in each of the `pieces`.
     """
 
     theta: Array
@@ -44,13 +43,45 @@ class NoiseFit:
     ramp_u: float
     lines: tuple[Line, ...]
     pieces: tuple[Array, ...]
+    solved: tuple[Solved, ...]
     sawtooth: bool
-    quantisation_seen: bool
+    bandwidth_Hz: float | None = None
+
+    @property
+    def quantisation_seen(self) -> bool:
+        """Whether quantisation noise is not hidden by the output's band."""
+        return self.bandwidth_Hz is None
+
+    @property
+    def doubled(self) -> float:
+        """By what u is larger where roundings follow one another: they are no normal noise."""
+        return SAWTOOTH_U if self.sawtooth else 1.0
+
+    def kept(self, count: int, interval_s: float) -> int:
+        """Return how many coefficients of a record of `count` samples have the model's noise."""
+        return kept_coefficients(count, interval_s, self.bandwidth_Hz)
 
     @property
     def u(self) -> Array:
         """The standard uncertainties (4,) of the squares."""
         return np.sqrt(np.diag(self.covariance))
+
+    def columns(self, count: int, interval_s: float) -> Array:
+        """Return ramp, per deg/h^2, and lines of a record of `count` samples, (count, p)."""
+        time_s = centred_times(count, interval_s)
+        return drift_columns(time_s, [line.frequency_Hz for line in self.lines])
+
+
+def kept_coefficients(count: int, interval_s: float, bandwidth_Hz: float | None) -> int:
+    """Return how many coefficients of a record lie where the output passes noise as it is."""
+    if bandwidth_Hz is None:
+        return count - 1
+    return max(2, min(count - 1, int(2.0 * BAND * bandwidth_Hz * count * interval_s)))
+
+
+def drift_columns(time_s: Array, frequencies_Hz: Sequence[float]) -> Array:
+    """Return ramp, per deg/h^2, and lines at times (n,) from a record's middle, (n, p)."""
+    return np.column_stack([time_s / SECONDS_PER_HOUR, *line_columns(time_s, frequencies_Hz)])
 
 
 @dataclass(frozen=True)
@@ -65,9 +96,7 @@ class Pieces:
 
     def kept(self, count: int) -> int:
         """Return how many coefficients of a record of `count` samples are used."""
-        if self.bandwidth_Hz is None:
-            return count - 1
-        return max(2, min(count - 1, int(0.5 * self.bandwidth_Hz * count * self.interval_s)))
+        return kept_coefficients(count, self.interval_s, self.bandwidth_Hz)
 
     def parts(self, count: int) -> Array:
         """Return the variances of unit noises; without Q where the band hides it."""
@@ -85,7 +114,7 @@ class Pieces:
             count = len(rate)
             kept = self.kept(count)
             time_s = centred_times(count, self.interval_s)
-            columns = np.column_stack([time_s / SECONDS_PER_HOUR, *line_columns(time_s, lines)])
+            columns = drift_columns(time_s, lines)
             centre = float(np.mean(rate))
             blocks = np.array([float(np.mean(block)) for block in np.array_split(rate, BLOCKS)])
             rest = rounding_variances(count, self.interval_s, self.pulse, walk, blocks)
@@ -127,16 +156,25 @@ def fit_noise(pieces: Pieces, periodic_chance: float) -> NoiseFit | None:
             walk = float(np.sqrt(theta[1]))
     count = sum(len(record) for record in filled)
     lines: list[float] = []
+    sawtooth = bool(pieces.pulse and _is_sawtooth(walk, pieces))
+    # Roundings that follow one another are no normal noise: their u is doubled everywhere.
+    needed = 2.0 * np.log(count / periodic_chance) * (SAWTOOTH_U**2 if sawtooth else 1.0)
+    own = [beats(rate, pieces.interval_s, pieces.pulse, walk) for rate in filled if sawtooth]
     for _ in range(MAX_LINES):
-        candidate = strongest_line(best, pieces.interval_s, [len(r) for r in filled])
+        candidate = strongest_line(best, pieces.interval_s, [len(r) for r in filled], own)
         if candidate is None:
             break
         wider = pieces.stretches(filled, walk, [*lines, candidate])
         again = fit(wider, best.theta)
-        if best.deviance - again.deviance <= 2.0 * np.log(count / periodic_chance):
+        if best.deviance - again.deviance <= needed:
             break
         lines, stretches, best = [*lines, candidate], wider, again
     return _concluded(pieces, filled, stretches, best, lines, walk)
+
+
+def _is_sawtooth(walk: float, pieces: Pieces) -> bool:
+    """Return whether noise moves the angle by so little that its roundings follow one another."""
+    return walk * float(np.sqrt(pieces.interval_s)) < WHITE_FROM * pieces.pulse
 
 
 def _concluded(
@@ -148,7 +186,7 @@ def _concluded(
     walk: float,
 ) -> NoiseFit:
     theta, covariance = _whole(best, pieces)
-    sawtooth = bool(pieces.pulse and walk * np.sqrt(pieces.interval_s) < WHITE_FROM * pieces.pulse)
+    sawtooth = bool(pieces.pulse and _is_sawtooth(walk, pieces))
     if sawtooth:
         covariance[0] *= SAWTOOTH_U
         covariance[:, 0] *= SAWTOOTH_U
@@ -172,8 +210,9 @@ def _concluded(
         ramp_u,
         fitted_lines,
         filled,
+        best.solved,
         sawtooth,
-        pieces.bandwidth_Hz is None,
+        pieces.bandwidth_Hz,
     )
 
 

@@ -12,6 +12,13 @@ WHITE_FROM = 0.4
 """N sqrt(t0) over the pulse from which successive rounding errors are as good as independent."""
 MAX_HARMONICS = 400
 NOTHING = 1e-12
+BLOCKS = 16
+"""Parts of a record in which the mean rate decides how roundings follow one another."""
+MAX_BEATS = 8
+SMEARED = 0.1
+"""Cycles per sample over which a harmonic is spread at most to count as a beat."""
+FADED = 5.0
+"""Widths by which a beat reaches beyond the frequencies that the mean rate takes."""
 
 
 def rounding_covariance(
@@ -50,3 +57,22 @@ def rounding_variances(
         return np.zeros(count - 1)
     known = rounding_covariance(count, interval_s, pulse, walk, mean_rates)
     return np.maximum(variances(known), 0.0)
+
+
+def beats(rate: Array, interval_s: float, pulse: float, walk: float) -> list[tuple[float, float]]:
+    """Return the bands in Hz, lowest and highest, where the rounding of a record (n,) beats.
+
+    A harmonic of the sawtooth turns with the fraction of a pulse in a sample, which goes with the
+    mean rate of the blocks, and fades as the angle walks.
+    """
+    blocks = [float(np.mean(block)) for block in np.array_split(rate, BLOCKS)]
+    turns = np.array(blocks) * interval_s / pulse
+    bands = []
+    for harmonic in range(1, MAX_BEATS):
+        fading = 2.0 * (np.pi * harmonic * walk / pulse) ** 2 * interval_s
+        half = harmonic * float(np.ptp(turns)) + FADED * fading / (2.0 * np.pi) + 2.0 / len(rate)
+        if half > SMEARED:
+            break
+        middle = abs((harmonic * float(np.mean(turns)) + 0.5) % 1.0 - 0.5)
+        bands.append(((middle - half) / interval_s, (middle + half) / interval_s))
+    return bands

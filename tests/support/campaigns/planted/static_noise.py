@@ -111,6 +111,33 @@ def stuck_and_limited(rate: Array, _: Array) -> Array:
     return rate
 
 
+def shocked(rate: Array, _: Array) -> Array:
+    """Return rates that are 1 deg/h higher for 36 s, 1 % of the record."""
+    rate[1500:1536] += 1.0
+    return rate
+
+
+def noisy(rate: Array, _: Array) -> Array:
+    """Return rates with five times the noise for 60 s."""
+    rate[1500:1560, 0] += 1.5 * np.random.default_rng(0).standard_normal(60)
+    return rate
+
+
+def in_every_record(factor: float) -> Callable[[StaticDataset, int], StaticDataset]:
+    """Return the change of all rates by a factor, but for the mean's bias of 0.35 deg/h."""
+
+    def changed(dataset: StaticDataset, _: int) -> StaticDataset:
+        return replace(
+            dataset,
+            records=tuple(
+                replace(one, rate_deg_per_h=factor * (one.rate_deg_per_h - 0.3))
+                for one in dataset.records
+            ),
+        )
+
+    return changed
+
+
 def coarse(rate: Array, _: Array) -> Array:
     """Return rates in steps of 3 deg/h, of which chance moves half by one."""
     moved = np.random.default_rng(0).random(rate.shape) < 0.5
@@ -161,6 +188,14 @@ ROWS: Sequence[Row] = (
         for name, kind, seeds in (("FOG", FOG, (3,)), ("RLG", RLG, (5,)))),
     row("stuck for a while, at a limit for another", but(FOG, rates(stuck_and_limited)),
         "frozen saturated", seeds=(3,), clean=FOG, below_u=4.0),
+    row("a shock of half a minute", but(FOG, rates(shocked)), "misfit", seeds=(3,),
+        says="beside the rest", clean=FOG, below_u=4.0),
+    row("noisy for a minute", but(FOG, rates(noisy)), "misfit outliers-rejected", seeds=(3,),
+        says="as much as the rest", clean=FOG, below_u=4.0),
+    row("rates in deg/s", but(FOG, in_every_record(1.0 / 3600.0)), "contradicts-statement",
+        seeds=(3,), says="if the output is in deg/s", details={"statement": "input_axis"}),
+    row("an output of the other sign", but(FOG, in_every_record(-1.0)), "contradicts-statement",
+        seeds=(3,), says="its sign is the other one", details={"statement": "input_axis"}),
     row("output that never changes", but(ALONE, rates(lambda rate, _: np.full_like(rate, 9.6))),
         "not-identifiable", null="*", seeds=(3,)),
     row("counts too coarse for their noise", COARSE, "coarse-output", seeds=(2,), below_u=4.0),
