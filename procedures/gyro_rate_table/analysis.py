@@ -11,16 +11,19 @@ from procedures.estimation.measured import Measured
 from station.findings import Analysis, Estimate, undetermined
 
 from .dataset import PPM, SECONDS_PER_HOUR, AnalysisSettings, Array, RateTableDataset
-from .flags import data_flags, result_flags
-from .joint_fit import JointFit, fit_records
-from .noise import within_records
+from .flags import data_flags, drift_flag, result_flags
+from .joint_fit import JointFit, drift_alone, fit_records, system_of
+from .noise import Within, within_records
 from .parameters import UNITS
 from .published import published_values
 from .results import Results, results_of
+from .scale_drift import RARE, Runs, runs_of
 from .screening import Kept, Screened, screen
 
 SETTINGS = AnalysisSettings()
 DEAD = 1e-3
+MUCH_WALK = 3.0
+"""Standard uncertainties by which the bias may walk more before a drift of K is looked for."""
 METHODS = {"bias": "mean", "scale_factor_repeatability": "standard-deviation"}
 
 
@@ -41,15 +44,33 @@ def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) ->
     level = dataset.earth_level_deg_per_h
     within = within_records(records, dataset.sample_interval_s, level) if records else None
     fit = results = None
+    drifts = False
     if within is not None:
         own = end_variance(records, dataset.encoder_accuracy_deg, screened.scale)
-        fit = fit_records(records, within, own, screened.scale)
-        results = results_of(fit)
+        runs = runs_of(records, within, dataset.sample_interval_s)
+        fit, drifts = fit_of(records, within, own, screened.scale, runs)
+        results = results_of(fit, dataset.range_deg_per_s)
     estimates = _estimates(dataset, results, level)
     published = published_values(records, screened.scale * dataset.earth_up_deg_per_h)
     flags = data_flags(dataset, screened, settings)
     flags += result_flags(screened, fit, results, estimates, settings)
+    if fit is not None and drifts:
+        flags.append(drift_flag(fit))
     return RateTableAnalysis(estimates, published, flags, screened, fit, results)
+
+
+def fit_of(
+    records: Sequence[Kept], within: Within, own: Array, scale: float, runs: Runs
+) -> tuple[JointFit, bool]:
+    """Return the solution, with a drift of the scale factor where there is one, and whether so."""
+    steady = fit_records(records, system_of(records, within, own, scale, None))
+    drifting = system_of(records, within, own, scale, runs)
+    largest_walk = steady.walk + MUCH_WALK * steady.walk_u
+    if len(drifting.layout.rates) > 1 and (
+        runs.chance < RARE or drift_alone(drifting, largest_walk)
+    ):
+        return fit_records(records, drifting), True
+    return steady, False
 
 
 def end_variance(records: Sequence[Kept], accuracy_deg: float, scale: float) -> Array:

@@ -50,7 +50,8 @@ class RateTableDataset:
     """A gyro on a table that turns about the vertical, its input axis up.
 
     `quantum_deg_per_s` is one count as a rate, 0 for rates; `encoder_accuracy_deg` the standard
-    deviation of the encoder's error within a turn.
+    deviation of the encoder's error within a turn. `range_deg_per_s` is the gyro's full scale, None
+    where it is not stated.
     """
 
     latitude_rad: float
@@ -58,6 +59,7 @@ class RateTableDataset:
     quantum_deg_per_s: float
     encoder_accuracy_deg: float
     records: tuple[Record, ...]
+    range_deg_per_s: float | None = None
 
     @property
     def earth_up_deg_per_h(self) -> float:

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
 from station.findings import Estimate, Flag, contradiction
 
-from .dataset import AnalysisSettings, RateTableDataset
+from .dataset import PPM, AnalysisSettings, RateTableDataset
 from .joint_fit import JointFit
 from .results import Results
 from .screening import Kept, Screened
@@ -188,6 +188,18 @@ def result_flags(
         )
         flags.append(Flag("misfit", sentence, "IA", {"chi_square": fit.chi_square}))
     return flags
+
+
+def drift_flag(fit: JointFit) -> Flag:
+    """Return the flag of a scale factor that drifts, with its mean drift per hour."""
+    mean = fit.drifts().mean(axis=0)
+    drift, u = float(mean @ fit.value) * PPM, float(np.sqrt(mean @ fit.covariance @ mean)) * PPM
+    sentence = (
+        f"The scale factor drifts by {drift:.3g} ppm an hour, u = {u:.2g} ppm: the output "
+        "runs off as the rate does, within the records or from one to the next. It holds for the "
+        "mean time, and its u has in it how far it strayed. Let the gyro warm up for longer."
+    )
+    return Flag("drift-removed", sentence, "IA", {"drift_ppm_per_h": drift})
 
 
 def _worst(records: Sequence[Kept], fit: JointFit) -> str:

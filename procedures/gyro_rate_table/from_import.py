@@ -36,6 +36,7 @@ class Conditions(StrictModel):
     pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] | None = Field(
         default=None, validate_default=True
     )
+    range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
     clock_ppm: Annotated[float, Unit("ppm"), Field(ge=0)] = 0.0
     alignment_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
@@ -68,6 +69,7 @@ def dataset_of_import(raw: RawDataset) -> tuple[RateTableDataset, Conditions]:
         quantum_deg_per_s=quantum,
         encoder_accuracy_deg=conditions.encoder_accuracy_arcsec / SECONDS_PER_HOUR,
         records=tuple(_records(table, table[output] * (quantum or 1.0), conditions)),
+        range_deg_per_s=conditions.range_deg_per_s,
     )
     return dataset, conditions
 

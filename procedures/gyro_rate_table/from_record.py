@@ -47,6 +47,7 @@ def dataset_of_run(
         quantum_deg_per_s=quantum,
         encoder_accuracy_deg=stated[0] if stated else 0.0,
         records=tuple(records),
+        range_deg_per_s=parameters.range_deg_per_s,
     )
 
 

@@ -52,6 +52,7 @@ class RateTableParameters(StrictModel):
     rates_deg_per_s: Annotated[
         tuple[Annotated[float, Unit("deg/s"), Field(gt=0)], ...], Field(min_length=2)
     ] = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+    range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
     record_s: Annotated[float, Unit("s"), Field(gt=0)] = 40.0
     stand_s: Annotated[float, Unit("s"), Field(gt=0)] = 120.0
     settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 5.0

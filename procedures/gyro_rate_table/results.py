@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from procedures.estimation.measured import Measured, root
 
-from .dataset import PPM, Array
+from .dataset import PPM, SECONDS_PER_HOUR, Array
 from .joint_fit import JointFit
 
 AGREE = 1e-3
@@ -25,7 +25,7 @@ class Results:
     Ratios: `scale_factor`, `factors` K_i (m,) at `nominal` rates in deg/s with u (m,), NaN where
     not determined. In ppm: `nonlinearity` and `of_full_scale`, `asymmetry`, `repeatability`. `bias`
     in deg/h, the earth's rate in it. `agree` is whether the K_i differ by noise alone; `curve`
-    (2, m) the distance from the line in both senses, over the largest input, in ppm.
+    (2, m) the distance from the line in both senses, over full scale, in ppm.
     """
 
     scale_factor: Measured | None
@@ -41,8 +41,8 @@ class Results:
     curve: Array
 
 
-def results_of(fit: JointFit) -> Results:
-    """Return the results of a solution."""
+def results_of(fit: JointFit, range_deg_per_s: float | None = None) -> Results:
+    """Return the results of a solution; full scale is the largest input unless it is stated."""
     ratios, width = fit.scale_factors(), len(fit.value)
     rates = fit.layout.rates
     line = (rates**2 @ ratios) / float(rates @ rates) if len(rates) else np.zeros(width)
@@ -62,7 +62,10 @@ def results_of(fit: JointFit) -> Results:
         nonlinearity, agree = _largest(fit, relative)
         if has_even:
             even_line = np.outer(rates - rates.mean(), even / 2.0) / scale
-            both = [(rates[:, None] * relative + s * even_line) / rates.max() for s in (1.0, -1.0)]
+            full = rates.max()
+            if range_deg_per_s is not None:
+                full = range_deg_per_s * SECONDS_PER_HOUR
+            both = [(rates[:, None] * relative + s * even_line) / full for s in (1.0, -1.0)]
             of_full_scale, _ = _largest(fit, np.vstack(both))
             curve = np.array([both[0] @ fit.value, -(both[1] @ fit.value)])
     counts = np.bincount(fit.layout.repeat_of, minlength=fit.switch_ons)
@@ -140,16 +143,18 @@ def _repeatability(spread: _Spread, scale: float) -> Measured:
 
 
 def _scale_factor(fit: JointFit, line: Array, spread: _Spread | None) -> Measured:
-    """Return K; where it differs between switch-ons, that spread is in its u.
+    """Return K; where it differs between switch-ons or drifts, that is in its u.
 
-    Of n switch-ons the spread has n - 1 degrees of freedom (Welch and Satterthwaite).
+    Of n switch-ons the spread has n - 1 degrees of freedom, also where it happens to be small: what
+    it is taken off from is as uncertain as the whole of it (Welch and Satterthwaite).
     """
     measured = _measured(fit, line)
+    variance = measured.u**2 + fit.strayed**2
     if spread is None:
-        return measured
+        return Measured(measured.value, float(np.sqrt(variance)))
     scattered = max(spread.square - spread.own, 0.0) / spread.count
-    variance = measured.u**2 + scattered
+    variance += scattered
     freedom = None
-    if scattered > 0.0:
-        freedom = (spread.count - 1) * (variance / scattered) ** 2
+    if spread.square > 0.0:
+        freedom = (spread.count - 1) * (variance * spread.count / spread.square) ** 2
     return Measured(measured.value, float(np.sqrt(variance)), freedom)

@@ -30,6 +30,7 @@ class Gyro:
     nonlinearity_ppm: float = 0.0
     asymmetry_ppm: float = 0.0
     scatter_ppm: float = 0.0
+    drift_ppm: float = 0.0
     bias: float = 0.4
     N: float = 0.006
     B: float = 0.0
@@ -55,6 +56,7 @@ CASES = {
     "table 100 ppm off": Gyro(table_off_ppm=100.0),
     "part turns, axis 1 deg off": Gyro(record_s=60.0, axis_off_deg=1.0),
     "settling": Gyro(settling=0.004),
+    "scale factor drifts": Gyro(drift_ppm=40.0, repeats=3),
     "four switch-ons": Gyro(scatter_ppm=3.0, repeats=4),
 }
 
@@ -94,7 +96,10 @@ def made(rng: np.random.Generator, one: Gyro) -> Made:
             rates = np.full(seconds, rate * (1.0 + one.table_off_ppm / PPM))
             rates *= 1.0 + one.settling * np.exp(-np.arange(seconds) / 2.0)
             edges = angle + np.concatenate(([0.0], np.cumsum(rates)))
-            record, level = _record(rng, one, repeat, rate, begin, edges, scale, slow[own])
+            # About the mean time of a switch-on, by so much from its first to its last second.
+            since_middle = (np.arange(begin, begin + seconds) + 0.5) / count - 0.5
+            drifting: Array = scale * (1.0 + one.drift_ppm / PPM * since_middle)
+            record, level = _record(rng, one, repeat, rate, begin, edges, drifting, slow[own])
             records.append(record)
             levels.append(level)
             begin, angle = begin + seconds + BETWEEN_S, float(edges[-1])
@@ -109,7 +114,7 @@ def _record(
     rate: float,
     begin: int,
     edges: Array,
-    scale: float,
+    scale: Array,
     slow: Array,
 ) -> tuple[Record, float]:
     count = len(slow)
@@ -122,9 +127,9 @@ def _record(
     extra = extra + level * np.cos(middle) * np.sinc(table / 360.0)
     extra = extra + 60.0 * one.N * rng.standard_normal(count)
     read = edges + one.encoder_deg * rng.standard_normal(count + 1)
-    time_s = begin + 0.5 + np.arange(count)
+    time_s: Array = begin + 0.5 + np.arange(count, dtype=np.float64)
     unsteady = np.abs(table - np.median(table)) > 1e-3
-    output = response + extra / 3600.0
+    output: Array = np.asarray(response + extra / 3600.0)
     record = Record(repeat, rate, time_s, output, read[:-1], read[1:], unsteady)
     return record, float(slow.mean())
 

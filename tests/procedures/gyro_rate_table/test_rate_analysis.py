@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rate_records import CASES, bounds, made, trials, without
@@ -34,6 +36,34 @@ def test_switch_ons_that_scatter_are_in_the_uncertainty() -> None:
     assert spread is not None and scale.standard_uncertainty is not None
     assert scale.standard_uncertainty == pytest.approx(spread / PPM / 2.0, rel=0.05)
     assert scale.degrees_of_freedom == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_scale_factor_that_drifts_is_no_nonlinearity() -> None:
+    """Rates follow one another: by their means alone a drift looks like a curve and asymmetry."""
+    found = trials(CASES["scale factor drifts"], 3)
+    for name in ("scale_factor", "nonlinearity_of_full_scale", "asymmetry"):
+        assert np.all(np.abs(found[name].errors) < 4.0 * found[name].u), name
+    analysis = analyse(made(np.random.default_rng(4), CASES["scale factor drifts"]).dataset)
+    drifts = [flag.details.get("drift_ppm_per_h") for flag in analysis.flags]
+    (drift,) = [value for value in drifts if value is not None]
+    # 40 ppm over a switch-on, which takes half an hour.
+    assert 50.0 < drift < 120.0
+    for case in ("drifting", "nonlinear", "four switch-ons"):
+        steady = analyse(made(np.random.default_rng(4), CASES[case]).dataset)
+        assert not any("drift_ppm_per_h" in flag.details for flag in steady.flags), case
+
+
+def test_full_scale_is_the_range_where_it_is_stated() -> None:
+    dataset = made(np.random.default_rng(5), CASES["nonlinear"]).dataset
+    ranged = replace(dataset, range_deg_per_s=300.0)
+    name = "nonlinearity_of_full_scale"
+    by_input, by_range = (analyse(one).estimate(name, "IA") for one in (dataset, ranged))
+    assert by_input.value is not None and by_range.value is not None
+    # The table turned by at most 100 deg/s.
+    assert by_range.value == pytest.approx(by_input.value / 3.0, rel=1e-6)
+    assert by_range.standard_uncertainty == pytest.approx(
+        (by_input.standard_uncertainty or 0.0) / 3.0, rel=1e-6
+    )
 
 
 def test_a_nonlinear_gyro_shows_its_curve_and_a_perfect_one_none() -> None:

@@ -71,3 +71,12 @@ def test_counts_need_their_weight_and_give_the_same(tmp_path: Path) -> None:
     # Pulses over an angle need no clock; a lean of 10 arcmin takes 4.2 ppm.
     (alignment,) = findings.inputs
     assert alignment.standard_uncertainty == pytest.approx(4.2e-6, rel=0.02)
+
+
+def test_the_range_is_a_condition(tmp_path: Path) -> None:
+    rows = list(lines(made(np.random.default_rng(7), SHORT)))
+    plain = findings_of_dataset(read_dataset(written(tmp_path / "plain", rows)))
+    conditions = CONDITIONS + "  range: 300 deg/s\n"
+    ranged = findings_of_dataset(read_dataset(written(tmp_path / "ranged", rows, conditions)))
+    name = "nonlinearity_of_full_scale"
+    assert value(ranged, name) == pytest.approx((value(plain, name) or 0.0) * 50.0 / 300.0)

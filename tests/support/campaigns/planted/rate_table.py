@@ -136,6 +136,10 @@ def angle(change: Callable[[float], float]) -> Callable[[Cells], Cells]:
 ROWS: Sequence[Row] = (
     row("warm-up of 2 deg/h", partial(made, Gyro(warm_up=2.0)), "drift-removed", seeds=(2,),
         below_u=4.0),
+    row("a scale factor that drifts by 40 ppm", partial(made, Gyro(drift_ppm=40.0)),
+        "drift-removed", says="The scale factor drifts by", seeds=(2,), below_u=4.0),
+    row("a bias that warms up is no scale factor that drifts", partial(made, Gyro(warm_up=3.0)),
+        "drift-removed", says="the bias drifts", seeds=(2,), below_u=4.0),
     row("outputs a sample late", but(SETTLING, late), "contradicts-statement unsteady-rate",
         seeds=(4,), details={"samples": (1.0, 0.3)}, below_u=4.0),
     row("a table that settles", SETTLING, "unsteady-rate", seeds=(4,),
