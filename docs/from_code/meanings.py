@@ -302,7 +302,7 @@ PARAMETERS = {
     "gyro-rate-table": {
         "latitude": "of the bench, north positive",
         "rates": "each in both senses, two or more; seven are usual",
-        "range": "of the gyro, full scale of `nonlinearity_of_full_scale`; the largest rate without",
+        "range": "of the gyro, full scale of `nonlinearity_of_full_scale`; else the largest rate",
         "record": "least length of a record; as many whole turns as take it",
         "stand": "the table standing, before and after the turns",
         "settle": "time at the rate before a record begins",
@@ -592,7 +592,7 @@ CONDITIONS = {
         "clock": "standard uncertainty of the rate of the clock of `t_s`, for an output of rates",
         "alignment": "uncertainty of the input axis along the table's; 1 - cos of it is in u of K",
         "level": "standard uncertainty of the table's axis to the vertical",
-        "range": "of the gyro, full scale of `nonlinearity_of_full_scale`; the largest rate without",
+        "range": "of the gyro, full scale of `nonlinearity_of_full_scale`; else the largest rate",
         "encoder_accuracy": "standard deviation of the encoder's error within a turn",
     },
 }

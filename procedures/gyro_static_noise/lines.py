@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import idct, next_fast_len, rfft
+from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
 from procedures.estimation.rate_spectrum import coefficients
@@ -18,6 +19,10 @@ FEWEST_CYCLES = 2.0
 WORTH_A_TRY = 12.0
 """Fall of -2 ln L, noise not fitted again, below which a line cannot be one."""
 FINER = 2
+AROUND, USUAL_FALL = 201, 2.0 * np.log(2.0)
+"""Frequencies whose median fall a line is held against, and that of noise."""
+ALONE = 40.0
+"""Fall, over that of its neighbours, of a line in an output of roundings."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +70,14 @@ def strongest_line(
     frequency = np.arange(len(falls)) / (length * interval_s)
     span_s = max(counts) * interval_s
     falls[frequency < FEWEST_CYCLES / span_s] = 0.0
+    if known:
+        # What rounding leaves beside its bands is no line: it lifts its neighbours, too.
+        usual = median_filter(falls, AROUND, mode="nearest") / USUAL_FALL
+        falls = falls / np.maximum(usual, 1.0)
     for low_Hz, high_Hz in (band for bands in known for band in bands):
         falls[(frequency >= low_Hz) & (frequency <= high_Hz)] = 0.0
     top = int(np.argmax(falls))
-    if falls[top] < WORTH_A_TRY:
+    if falls[top] < (ALONE if known else WORTH_A_TRY):
         return None
 
     def kept(frequency_Hz: float) -> float:

@@ -15,9 +15,9 @@ NOTHING = 1e-12
 BLOCKS = 16
 """Parts of a record in which the mean rate decides how roundings follow one another."""
 MAX_BEATS = 8
-SMEARED = 0.1
+SMEARED = 0.2
 """Cycles per sample over which a harmonic is spread at most to count as a beat."""
-FADED = 5.0
+FADED = 10.0
 """Widths by which a beat reaches beyond the frequencies that the mean rate takes."""
 
 
