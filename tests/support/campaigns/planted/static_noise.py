@@ -117,7 +117,7 @@ def shocked(rate: Array, _: Array) -> Array:
     return rate
 
 
-def noisy(rate: Array, _: Array) -> Array:
+def noisy_for_a_minute(rate: Array, _: Array) -> Array:
     """Return rates with five times the noise for 60 s."""
     rate[1500:1560, 0] += 1.5 * np.random.default_rng(0).standard_normal(60)
     return rate
@@ -190,8 +190,8 @@ ROWS: Sequence[Row] = (
         "frozen saturated", seeds=(3,), clean=FOG, below_u=4.0),
     row("a shock of half a minute", but(FOG, rates(shocked)), "misfit", seeds=(3,),
         says="beside the rest", clean=FOG, below_u=4.0),
-    row("noisy for a minute", but(FOG, rates(noisy)), "misfit outliers-rejected", seeds=(3,),
-        says="as much as the rest", clean=FOG, below_u=4.0),
+    row("noisy for a minute", but(FOG, rates(noisy_for_a_minute)), "misfit outliers-rejected",
+        seeds=(3,), says="as much as the rest", clean=FOG, below_u=4.0),
     row("rates in deg/s", but(FOG, in_every_record(1.0 / 3600.0)), "contradicts-statement",
         seeds=(3,), says="if the output is in deg/s", details={"statement": "input_axis"}),
     row("an output of the other sign", but(FOG, in_every_record(-1.0)), "contradicts-statement",
