@@ -122,17 +122,43 @@ def contradiction(statement: str, message: str, axis: str | None = None, **detai
     return Flag(CONTRADICTS, message, axis, {"statement": statement, **details})
 
 
+NOT_STATED = "not stated"
+"""The source of an input of which no certificate, plan or condition says how well it is known."""
+
+
 @dataclass(frozen=True)
 class InputQuantity:
-    """A type B input: its standard uncertainty in its own unit, and where that comes from."""
+    """A type B input: its standard uncertainty in its own unit, and where that comes from.
+
+    The standard uncertainty is None where nobody states it: such an input has its row in the
+    budget, and adds nothing to u. `value` is the best estimate, 0 of what is a deviation.
+    """
 
     name: str
     description: str
-    standard_uncertainty: float
+    standard_uncertainty: float | None
     unit: str
     source: str
     degrees_of_freedom: float = math.inf
-    distribution: Literal["normal", "uniform"] = "normal"
+    distribution: Literal["normal", "uniform", "not stated"] = "normal"
+    value: float = 0.0
+
+    @classmethod
+    def if_stated(
+        cls,
+        name: str,
+        description: str,
+        u: float | None,
+        unit: str,
+        source: str,
+        *,
+        value: float = 0.0,
+    ) -> InputQuantity:
+        """Return a normal input; where `u` is None or zero, one that nobody states."""
+        if u:
+            return cls(name, description, u, unit, source, value=value)
+        distribution: Literal["not stated"] = "not stated"
+        return cls(name, description, None, unit, NOT_STATED, math.inf, distribution, value)
 
 
 Key = tuple[str, str | None]

@@ -17,7 +17,8 @@ TYPE_A = "repeatability (from the data)"
 class BudgetLine:
     """One contribution to a standard uncertainty: the columns of the GUM's table (annex H).
 
-    `standard_uncertainty` and `degrees_of_freedom` are the input's own, in its `unit`;
+    `value`, `standard_uncertainty` and `degrees_of_freedom` are the input's own, in its `unit`; the
+    uncertainty is None where nobody states it, the value where an older document has none.
     `sensitivity` is d result / d input; `contribution` is in the result's unit, `share` its part of
     the combined variance.
     """
@@ -25,7 +26,7 @@ class BudgetLine:
     quantity: str
     description: str
     kind: Literal["A", "B"]
-    standard_uncertainty: float
+    standard_uncertainty: float | None
     unit: str
     distribution: str
     degrees_of_freedom: float
@@ -33,6 +34,7 @@ class BudgetLine:
     contribution: float
     share: float
     source: str
+    value: float | None = None
 
     def to_data(self) -> dict[str, Any]:
         """Return the line as in `results.json`; degrees of freedom without end are null."""
@@ -42,6 +44,7 @@ class BudgetLine:
             "contribution": self.contribution,
             "source": self.source,
             "quantity": self.quantity,
+            "value": self.value,
             "standard_uncertainty": self.standard_uncertainty,
             "unit": self.unit,
             "distribution": self.distribution,
@@ -86,7 +89,10 @@ def combine(
             GTC.ureal(0.0, quantity.standard_uncertainty, quantity.degrees_of_freedom),
         )
         for quantity in inputs
-        if quantity.standard_uncertainty > 0
+        if quantity.standard_uncertainty
+    }
+    unstated = {
+        quantity.name: quantity for quantity in inputs if quantity.standard_uncertainty is None
     }
     combined: list[Combined | None] = []
     for estimate in estimates:
@@ -101,6 +107,11 @@ def combine(
         variance = float(total.u) ** 2
         lines = [_repeatability(estimate, dof, variance)]
         lines += [_of_input(known[name][0], at, variance) for name, at in inner.items()]
+        lines += [
+            _of_input(unstated[name], at, variance)
+            for name, at in estimate.sensitivities.items()
+            if name in unstated and at
+        ]
         lines.sort(key=lambda line: -line.contribution)
         effective_dof = float(total.df)
         factor = float(GTC.rp.k_factor(effective_dof, COVERAGE_PERCENT))
@@ -124,12 +135,13 @@ def _repeatability(estimate: Estimate, dof: float, variance: float) -> BudgetLin
         contribution=u,
         share=_share(u, variance),
         source="this measurement",
+        value=estimate.value,
     )
 
 
 def _of_input(quantity: InputQuantity, sensitivity: float, variance: float) -> BudgetLine:
     """Return the line of a type B input."""
-    contribution = abs(sensitivity) * quantity.standard_uncertainty
+    contribution = abs(sensitivity) * (quantity.standard_uncertainty or 0.0)
     return BudgetLine(
         quantity=quantity.name,
         description=quantity.description,
@@ -142,6 +154,7 @@ def _of_input(quantity: InputQuantity, sensitivity: float, variance: float) -> B
         contribution=contribution,
         share=_share(contribution, variance),
         source=quantity.source,
+        value=quantity.value,
     )
 
 
@@ -170,7 +183,7 @@ def covariance_of(
 
     def shared(a: Estimate, b: Estimate) -> float:
         return sum(
-            at * b.sensitivities.get(name, 0.0) * u.get(name, 0.0) ** 2
+            at * b.sensitivities.get(name, 0.0) * (u.get(name) or 0.0) ** 2
             for name, at in a.sensitivities.items()
         )
 

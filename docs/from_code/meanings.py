@@ -279,6 +279,8 @@ PARAMETERS = {
     },
     "gyro-static-noise": {
         "latitude": "of the bench, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "input_axis": "where the positive input axis points",
         "input_axis.NAME.azimuth": "clockwise from north",
         "input_axis.NAME.elevation": "above level",
@@ -301,6 +303,8 @@ PARAMETERS = {
     },
     "gyro-rate-table": {
         "latitude": "of the bench, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "rates": "each in both senses, two or more; seven are usual",
         "range": "of the gyro, full scale of `nonlinearity_of_full_scale`; else the largest rate",
         "record": "least length of a record; as many whole turns as take it",
@@ -490,6 +494,13 @@ CONDITIONS = {
     },
     "accelerometer-magnetic-sensitivity": {
         "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",
+        "local_gravity_uncertainty": "its standard uncertainty; not stated unless given",
+        "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
+        "temperature that results hold at; not stated unless given",
+        "probe_angle": "standard uncertainty of the angle between the gaussmeter's probe and the "
+        "coil's axis: 1 - cos of it is in the field; not stated unless given",
+        "ambient_field": "component of the ambient field across the coil, which a probe that leans "
+        "sees in part; not stated unless given",
         "mounting": "standard uncertainty of how the input axis lies to the encoder's zero, OA and "
         "PA; where nobody states it, 0.0005 rad (100 arcsec) is assumed; it counts where the rows "
         "do not tell a lean from a coefficient, as in plane `level` or at one field",
@@ -519,7 +530,11 @@ CONDITIONS = {
         "turns have one sense",
         "initial_order": "order of the published polynomial",
         "reference_temperature": "where the scale-factor error is stated",
+        "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
+        "temperature that results hold at; not stated unless given",
         "latitude": "of the drive, north positive; required with a drive",
+        "latitude_uncertainty": "its standard uncertainty, in the drive's headings; not stated "
+        "unless given",
         "initial_heading": "heading at the start of the drive; without it the vehicle is taken to "
         "be level on the average",
     },
@@ -557,6 +572,8 @@ CONDITIONS = {
         "output_bandwidth": "of the gyro's own filter; frequencies up to a quarter of it count, "
         "and quantisation noise is not seen",
         "latitude": "of the place, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "input_axis": "`IA` of one gyro, or `X`, `Y`, `Z` of a triad: where each points",
         "input_axis.NAME.azimuth": "clockwise from north",
         "input_axis.NAME.elevation": "above level",
@@ -567,17 +584,23 @@ CONDITIONS = {
         "sample_interval": "time between two rows, over which each is the mean",
         "timestamp": "which part of its interval `t_s` of a row is",
         "latitude": "latitude of the chamber, north positive, for the earth's rate",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "input_axis": "where each positive input axis points",
         "input_axis.NAME.azimuth": "from north, clockwise seen from above",
         "input_axis.NAME.elevation": "above the horizon",
         "attitude_uncertainty": "standard uncertainty of both angles; 0 unless given",
         "reference_temperature": "temperature of the gyro at which the bias is reported",
+        "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
+        "temperature that results hold at; not stated unless given",
         "sensor_lag_prior": "standard uncertainty, known beforehand, of how far the gyro's "
         "own thermometer runs ahead of what its bias follows; not of a chamber's thermometer",
     },
     "accelerometer-tumble": {
         "local_gravity": "gravity where the stage stands",
-        "local_gravity_uncertainty": "its standard uncertainty; 0 unless given",
+        "local_gravity_uncertainty": "its standard uncertainty; not stated unless given",
+        "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
+        "temperature that results hold at; not stated unless given",
         "encoder_accuracy": "standard uncertainty of each of the encoder's first two harmonics",
         "mounting_repeatability": "standard uncertainty of the angle of each mounting",
         "multimeter_gain": "standard uncertainty of the multimeter's gain; 0 unless given",
@@ -589,6 +612,8 @@ CONDITIONS = {
         "gyro_output": "whether there are rates, or `counts` of pulses",
         "pulse_weight": "angle of one pulse; required where the output is counts",
         "latitude": "of the place, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "clock": "standard uncertainty of the rate of the clock of `t_s`, for an output of rates",
         "alignment": "uncertainty of the input axis along the table's; 1 - cos of it is in u of K",
         "level": "standard uncertainty of the table's axis to the vertical",

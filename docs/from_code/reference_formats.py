@@ -38,9 +38,12 @@ RESULT_KEYS = {
     "results[].budget[].description": "what contributes",
     "results[].budget[].type": "`A` from the data, `B` from elsewhere",
     "results[].budget[].contribution": "its standard uncertainty in the value's unit",
-    "results[].budget[].source": "this measurement, or a certificate of the bench file",
+    "results[].budget[].source": "this measurement, a certificate of the bench file, the plan, "
+    "the conditions of the dataset, or `not stated`",
     "results[].budget[].quantity": "name of the input quantity",
-    "results[].budget[].standard_uncertainty": "that of the input, in its own unit",
+    "results[].budget[].value": "best estimate of the input in its unit; 0 of a deviation",
+    "results[].budget[].standard_uncertainty": "that of the input, in its own unit; null where "
+    "nobody states it, and the contribution is then 0",
     "results[].budget[].unit": "unit of the input",
     "results[].budget[].distribution": "what the input is distributed as: `normal`, `uniform`, "
     "`Student's t`",

@@ -27,13 +27,14 @@ from .misread import misread_flags
 from .model import (
     COEFFICIENTS,
     FIELD_POWER,
+    GRAVITY_POWER,
     UNITS,
     Identifiability,
     accelerations,
     judge,
     model_columns,
 )
-from .nuisances import FEWEST_LEFT, KI_DRIFT, KO, KP, OFFSET, unit_of
+from .nuisances import FEWEST_LEFT, K0_T, KI_DRIFT, KI_T, KO, KP, OFFSET, unit_of
 from .parameters import AnalysisSettings
 from .screening import coarse_step_V, frozen_temperature, screen
 from .solution import solve_rows
@@ -102,7 +103,7 @@ def analyse(
     if solution is not None and solution.shares is not None:
         largest_T = float(np.max(np.abs(rows.commanded_T))) or 1.0
         measured = planned.as_measured(solution.shares[: planned.rank], largest_T)
-    estimates = _estimates(measured, solution, rows.temperature_degC, settings)
+    estimates = _estimates(measured, solution, rows.temperature_degC, rows.gravity_g, settings)
     path = _path(dataset, usable, planned, settings)
     drift = solution.drift_order if solution is not None else 0
     lag_one = solution.lag_one_correlation if solution is not None else None
@@ -175,6 +176,7 @@ def _estimates(
     measured: Identifiability,
     solution: Solution | None,
     temperature_degC: Array | None,
+    gravity_g: float,
     settings: AnalysisSettings,
 ) -> tuple[Estimate, ...]:
     """Return all thirteen in order, null where they are folded or nothing could be solved.
@@ -204,7 +206,8 @@ def _estimates(
                 float(np.sqrt(solution.covariance[place, place])),
                 float(solution.degrees_of_freedom),
                 METHOD,
-                _sensitivities(name, values)
+                _sensitivities(name, values, gravity_g)
+                | _by_thermometer(name, solution)
                 | _by_graduation(measured.terms[name], values)
                 | _by_mounting(solution, place, ki),
                 {"terms": dict(measured.terms[name]), **at},
@@ -213,21 +216,35 @@ def _estimates(
     return tuple(estimates)
 
 
-def _sensitivities(name: str, values: dict[str, float]) -> dict[str, float]:
+def _sensitivities(name: str, values: dict[str, float], gravity_g: float) -> dict[str, float]:
     """Return the derivatives of a coefficient by errors of field and output that the data hide.
 
     A gaussmeter that reads B (1 + g) + o makes Km too small by the part g and moves Km by
-    -2 Kmm o, K0 by -Km o, Ki by -Kim o; a voltmeter's gain is in every coefficient.
+    -2 Kmm o, K0 by -Km o, Ki by -Kim o; a voltmeter's gain is in every coefficient. A probe that
+    leans from the coil's axis reads less of its field, the cosine, and of the ambient field across
+    it an offset.
     """
     derivatives = {"voltage_gain": values[name]}
+    if name in GRAVITY_POWER:
+        derivatives["local_gravity"] = -GRAVITY_POWER[name] * values[name] / gravity_g
     if name in FIELD_POWER:
         derivatives["field_gain"] = -FIELD_POWER[name] * values[name]
+        derivatives["probe_cosine"] = FIELD_POWER[name] * values[name]
     if name == "K0":
         derivatives["voltage_offset_V"] = 1.0
     for higher, lower, factor in (("Km", "K0", 1), ("Kmm", "Km", 2), ("Kim", "Ki", 1)):
         if name == lower and higher in values:
             derivatives["field_offset_T"] = -factor * values[higher]
+            derivatives["ambient_field_T"] = -factor * values[higher]
     return derivatives
+
+
+def _by_thermometer(name: str, solution: Solution) -> dict[str, float]:
+    """Return the derivative of K0 and Ki by an error of the temperature that they hold at."""
+    term = {"K0": K0_T, "Ki": KI_T}.get(name)
+    if term not in solution.names:
+        return {}
+    return {"thermometer_degC": float(solution.coefficients[solution.names.index(term)])}
 
 
 def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
@@ -249,6 +266,8 @@ def _by_mounting(solution: Solution, place: int, ki: float) -> dict[str, float]:
     Only where the rows do not tell a lean of the mounting from the combination, which holds it.
     """
     by = {MOUNTING[name]: ki * float(shares[place]) for name, shares in solution.folded.items()}
+    if OFFSET in solution.folded:
+        by["stage_angle_rad"] = by[MOUNTING[OFFSET]]
     return {name: value for name, value in by.items() if value}
 
 

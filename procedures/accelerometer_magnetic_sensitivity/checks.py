@@ -15,6 +15,7 @@ from .measuring import (
     MULTIMETER,
     STAGE,
     THERMOMETER,
+    USUAL_DEGC,
     first_range,
 )
 from .parameters import AccelerometerParameters
@@ -27,15 +28,17 @@ if TYPE_CHECKING:
 def records(parameters: AccelerometerParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records.
 
-    Angle and temperature are corrected; their uncertainties are in no budget yet.
+    The temperature is one that the results hold at, the zero of the angle counts where the angles
+    of the plan do not tell it from the mounting: of neither a record is needed.
     """
-    apart = {"in_budget": False, "needed": False}
+    apart = {"needed": False}
     return (
         RecordUse(GAUSSMETER, "field", parameters.largest_field_mT, "mT"),
+        RecordUse(GAUSSMETER, "angle", 0.0, "deg", needed=False, corrected=False),
         RecordUse(MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V"),
         RecordUse(STAGE, "angle", 0.0, "deg", **apart),
         RecordUse(STAGE, "graduation", FULL_TURN_DEG, "deg", needed=False, corrected=False),
-        RecordUse(THERMOMETER, "temperature", 20.0, "degC", **apart),
+        RecordUse(THERMOMETER, "temperature", USUAL_DEGC, "degC", **apart),
     )
 
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.common.inputs import Declared, cosine_u, with_unstated
 from station.findings import Covariance, Findings, Flag, InputQuantity, findings_of
 
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
-from .from_import import dataset_of_import
+from .from_import import Conditions, dataset_of_import
 from .measuring import (
     AXIS_COLUMN,
     FULL_TURN_DEG,
@@ -25,6 +26,7 @@ from .measuring import (
     STAGE,
     T_PER_MT,
     THERMOMETER,
+    USUAL_DEGC,
 )
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, AnalysisSettings, Point
@@ -35,6 +37,22 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 ARRIVAL = "arrival_time_s"
+GRAVITY, WARMTH, STAGE_ANGLE = "local_gravity", "thermometer_degC", "stage_angle_rad"
+PROBE, AMBIENT = "probe_cosine", "ambient_field_T"
+INPUTS: Declared = {
+    "field_gain": (f"gain of {GAUSSMETER}", "1"),
+    "field_offset_T": (f"zero of {GAUSSMETER}", "T"),
+    "voltage_gain": (f"gain of {MULTIMETER}", "1"),
+    "voltage_offset_V": (f"zero of {MULTIMETER}", "V"),
+    "graduation_sine_rad": (f"graduation of {STAGE}, sine of the angle", "rad"),
+    "graduation_cosine_rad": (f"graduation of {STAGE}, cosine of the angle", "rad"),
+    GRAVITY: ("local gravity", "g"),
+    WARMTH: (f"offset of {THERMOMETER}: the temperature that the results hold at", "degC"),
+    STAGE_ANGLE: (f"zero of the angle of {STAGE}", "rad"),
+    PROBE: ("probe to coil angle: cosine of the field", "1"),
+    AMBIENT: ("probe to coil angle: ambient field across the coil", "T"),
+}
+"""What the results depend on."""
 LEANS = {
     MOUNTING[OFFSET]: "from the zero of the encoder",
     MOUNTING[KO]: "towards OA",
@@ -49,6 +67,7 @@ def findings_of_run(
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
     inputs = [*type_b_inputs(parameters, bench), *_mounting(analysis, dataset)]
+    inputs = with_unstated(inputs, INPUTS)
     findings = replace(findings_of(analysis, dataset, inputs), covariance=related(analysis))
     finished = folder.finished_units()
     known = [point.unit for point in parameters.points if point.unit in finished]
@@ -66,11 +85,13 @@ def findings_of_run(
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records.
 
-    Of type B is only how the device is mounted, where the rows do not tell that.
+    Of type B is what its conditions state, and how the device is mounted, where the rows do not
+    tell that.
     """
     dataset = dataset_of_import(raw)
     analysis = analyse(dataset)
-    findings = findings_of(analysis, dataset, list(_mounting(analysis, dataset)))
+    stated = [*_mounting(analysis, dataset), *stated_inputs(raw.conditions(Conditions))]
+    findings = findings_of(analysis, dataset, with_unstated(stated, INPUTS))
     return replace(findings, covariance=related(analysis))
 
 
@@ -164,11 +185,39 @@ def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[Inp
     """Return what the data cannot determine: gain and offset of gaussmeter and voltmeter."""
     field_mT = parameters.largest_field_mT
     largest_V = parameters.scale_factor_V_per_g
+    angle_u_rad, source = bench.stated(GAUSSMETER, "angle", 0.0, "rad") or (None, "")
     return [
         *_gain_and_offset(bench, GAUSSMETER, "field", field_mT, "mT", "field", ("T", 1e-3)),
         *_gain_and_offset(bench, MULTIMETER, "voltage", largest_V, "V", "voltage", ("V", 1.0)),
         *_graduation(bench),
+        *bench.stated_input((STAGE, "angle", 0.0, "rad"), STAGE_ANGLE, INPUTS[STAGE_ANGLE][0]),
+        *bench.stated_input(
+            (THERMOMETER, "temperature", USUAL_DEGC, "degC"), WARMTH, INPUTS[WARMTH][0]
+        ),
+        *probe_inputs(angle_u_rad, source, None),
     ]
+
+
+def stated_inputs(conditions: Conditions) -> Iterable[InputQuantity]:
+    """Yield what the conditions of a dataset state."""
+    source = "the dataset's conditions"
+    for name, u, value in (
+        (GRAVITY, conditions.local_gravity_uncertainty_g, conditions.local_gravity_g),
+        (WARMTH, conditions.thermometer_uncertainty_degC, 0.0),
+    ):
+        about, unit = INPUTS[name]
+        yield InputQuantity.if_stated(name, about, u, unit, source, value=value)
+    yield from probe_inputs(conditions.probe_angle_rad, source, conditions.ambient_field_T)
+
+
+def probe_inputs(
+    angle_u_rad: float | None, source: str, ambient_T: float | None
+) -> Iterable[InputQuantity]:
+    """Yield what a probe reads that leans from the coil's axis: less of its field, some ambient."""
+    across_T = None if angle_u_rad is None or ambient_T is None else angle_u_rad * ambient_T
+    for name, u in ((PROBE, cosine_u(angle_u_rad)), (AMBIENT, across_T)):
+        about, unit = INPUTS[name]
+        yield InputQuantity.if_stated(name, about, u, unit, source)
 
 
 def _graduation(bench: Bench) -> Iterable[InputQuantity]:

@@ -38,7 +38,11 @@ class Conditions(StrictModel):
 
     # On the ground it is 0.9957 g to 1.0028 g.
     local_gravity_g: Annotated[float, Unit("g"), Field(ge=0.99, le=1.01)] = 1.0
+    local_gravity_uncertainty_g: Annotated[float, Unit("g"), Field(ge=0, le=0.01)] = 0.0
     mounting_rad: Annotated[float, Unit("rad"), Field(gt=0, le=0.1)] | None = None
+    thermometer_uncertainty_degC: Annotated[float, Unit("degC", True), Field(ge=0)] | None = None
+    probe_angle_rad: Annotated[float, Unit("rad"), Field(ge=0, le=0.1)] | None = None
+    ambient_field_T: Annotated[float, Unit("T"), Field(ge=0)] | None = None
 
 
 def dataset_of_import(raw: RawDataset) -> AccelerometerDataset:

@@ -20,6 +20,8 @@ SUPPLY = "coil_supply.dc"
 GAUSSMETER = "gaussmeter"
 MULTIMETER = "multimeter"
 THERMOMETER = "thermometer"
+USUAL_DEGC = 20.0
+"""Where the record of the thermometer is asked how well it reads."""
 STAGE = "rotary_stage"
 POWER = "dut_power"
 LARGEST_FIELD = ("parameters", "largest_field")

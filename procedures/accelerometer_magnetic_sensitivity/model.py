@@ -40,6 +40,11 @@ COEFFICIENTS = tuple(UNITS)
 """The order in which columns are judged."""
 FIELD_POWER = {"Km": 1, "Kmm": 2, "Kim": 1, "Kom": 1, "Kpm": 1}
 """By which power of the field each column grows; the others do not."""
+GRAVITY_POWER = dict.fromkeys(("Ki", "Kim", "Kom", "Kpm"), 1) | {
+    **dict.fromkeys(("Kii", "Kio", "Kip", "Koo", "Kpp"), 2),
+    "Kiii": 3,
+}
+"""By which power of gravity."""
 PLANES = ("io", "ip", "op", "level")
 """The plane of IA, OA, PA that gravity turns in; `level`: the axis of rotation is vertical."""
 MOVED = 1e-4

@@ -102,6 +102,9 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         depends = {"multimeter_gain": value, "local_gravity": -power * value / dataset.gravity_g}
         if name == "K0":
             depends["multimeter_zero"] = 1.0
+        term = {"K0": "K0_T", "Ki": "Ki_T"}.get(name)
+        if term in solution.by_temperature:
+            depends["thermometer_degC"] = solution.by_temperature[term]
         extra = {**own, **held_at} if name in ("K0", "Ki") else own
         estimates.append(_estimate((name, None, unit), value, gradient, solution, depends, extra))
     for name, axis, over, unit, factor in RATIOS:

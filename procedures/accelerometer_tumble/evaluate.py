@@ -34,9 +34,15 @@ def inputs_of(conditions: Conditions) -> Iterator[InputQuantity]:
         (ENCODER, f"harmonics of the encoder, {encoder:g} arcsec each", float(encoder > 0), "1"),
         (MOUNTING, f"mountings, {mounting:g} arcsec each", float(mounting > 0), "1"),
         ("local_gravity", "local gravity", conditions.local_gravity_uncertainty_g, "g"),
+        (
+            "thermometer_degC",
+            "offset of the thermometer: the temperature that the results hold at",
+            conditions.thermometer_uncertainty_degC,
+            "degC",
+        ),
         ("multimeter_gain", "gain of the multimeter", conditions.multimeter_gain_ppm * 1e-6, "1"),
         ("multimeter_zero", "zero of the multimeter", conditions.multimeter_zero_V, "V"),
     )
     for name, description, u, unit in stated:
-        if u > 0.0:
-            yield InputQuantity(name, description, u, unit, SOURCE)
+        value = conditions.local_gravity_g if name == "local_gravity" else 0.0
+        yield InputQuantity.if_stated(name, description, u, unit, SOURCE, value=value)

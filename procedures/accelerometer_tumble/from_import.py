@@ -45,6 +45,7 @@ class Conditions(StrictModel):
     encoder_accuracy_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0, le=3600)]
     mounting_repeatability_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0, le=3600)]
     local_gravity_uncertainty_g: Annotated[float, Unit("g"), Field(ge=0, le=0.01)] = 0.0
+    thermometer_uncertainty_degC: Annotated[float, Unit("degC", True), Field(ge=0)] = 0.0
     multimeter_gain_ppm: Annotated[float, Unit("ppm"), Field(ge=0)] = 0.0
     multimeter_zero_V: Annotated[float, Unit("V"), Field(ge=0)] = 0.0
 

@@ -49,9 +49,10 @@ class Solution:
     """The kept coefficients (k,), in V and g, and what they rest on.
 
     `covariance` (k, k) is whole; `noise` (k, k) the readings' part of it; `by_prior` (k, m) how
-    much each coefficient takes of one standard deviation of each prior. `beside` (m,) are the
-    solved encoder harmonics and mountings in rad, `beside_u` their standard deviation under the
-    priors. `cause` is what else moved the output, with its coefficients `cause_terms`.
+    much each coefficient takes of one standard deviation of each prior. `slow_value` are the
+    coefficients of drift and temperature, `beside` (m,) the solved encoder harmonics and mountings
+    in rad, `beside_u` their standard deviation under the priors. `cause` is what else moved the
+    output, with its coefficients `cause_terms`.
     """
 
     value: Array
@@ -64,6 +65,7 @@ class Solution:
     kept: Mask
     slow_names: tuple[str, ...]
     slow: Array
+    slow_value: Array
     slow_V: Array
     beside: Array
     beside_u: Array
@@ -76,6 +78,11 @@ class Solution:
         """For how many columns it counts: each reading left out is one that it explains."""
         count = len(self.slow_names) + int(np.sum(~self.kept))
         return count if self.cause is None else count + len(self.cause_terms) + self.cause.places
+
+    @property
+    def by_temperature(self) -> dict[str, float]:
+        """What drift and temperature change, by name: K0_T in V/degC, Ki_T in V/g/degC."""
+        return dict(zip(self.slow_names, self.slow_value.tolist(), strict=True))
 
 
 def beside_model(dataset: TumbleDataset, scale: float) -> Beside:
@@ -319,6 +326,7 @@ def weighted(
         kept=inside,
         slow_names=names,
         slow=slow,
+        slow_value=value[model.shape[1] : count],
         slow_V=slow @ value[model.shape[1] : count],
         beside=value[count:],
         beside_u=np.sqrt(seen),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
-from station.findings import InputQuantity
+from station.findings import Estimate, Findings, InputQuantity
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,52 @@ class Direction:
         elevation = -north * np.sin(e) * np.cos(a) + np.sin(latitude_rad) * np.cos(e)
         return float(EARTH_RATE_DEG_PER_H * azimuth), float(EARTH_RATE_DEG_PER_H * elevation)
 
+    def by_latitude(self, latitude_rad: float) -> float:
+        """Return what the earth's rate gains, deg/h per rad of latitude."""
+        level = np.cos(self.elevation_rad) * np.cos(self.azimuth_rad)
+        lost = -np.sin(latitude_rad) * level
+        return float(
+            EARTH_RATE_DEG_PER_H * (lost + np.cos(latitude_rad) * np.sin(self.elevation_rad))
+        )
+
 
 def attitude_inputs(
-    directions: Iterable[str], u_arcmin: float, source: str
+    directions: Mapping[str, Direction], u_arcmin: float, source: str
 ) -> Iterator[InputQuantity]:
     """Yield how well azimuth and elevation of each input axis are known, by its name."""
-    if u_arcmin <= 0.0:
-        return
-    for axis in directions:
-        for angle in ("azimuth", "elevation"):
-            about = f"{angle} of {axis}, {u_arcmin:g} arcmin"
+    for axis, direction in directions.items():
+        for angle, value in (
+            ("azimuth", direction.azimuth_rad),
+            ("elevation", direction.elevation_rad),
+        ):
+            about = f"{angle} of {axis}"
             u_rad = u_arcmin / ARCMIN_PER_RAD
-            yield InputQuantity(f"{angle}_{axis}", about, u_rad, "rad", source)
+            name = f"{angle}_{axis}"
+            yield InputQuantity.if_stated(name, about, u_rad, "rad", source, value=value)
+
+
+LATITUDE = "latitude"
+
+
+def with_latitude(
+    findings: Findings,
+    directions: Mapping[str, Direction],
+    latitude_rad: float,
+    u_arcmin: float,
+    source: str,
+) -> Findings:
+    """Return findings with the latitude as an input of the biases, which the earth's rate was taken
+    off; `u_arcmin` is how well `source` says that it is known, 0 where it does not.
+    """
+    u_rad = u_arcmin / ARCMIN_PER_RAD
+    given = InputQuantity.if_stated(LATITUDE, LATITUDE, u_rad, "rad", source, value=latitude_rad)
+
+    def on_earth(estimate: Estimate) -> Estimate:
+        direction = directions.get(estimate.axis or "")
+        if estimate.name != "bias" or direction is None:
+            return estimate
+        taken = {LATITUDE: -direction.by_latitude(latitude_rad)}
+        return replace(estimate, sensitivities={**estimate.sensitivities, **taken})
+
+    estimates = [*map(on_earth, findings.estimates)]
+    return replace(findings, estimates=estimates, inputs=[*findings.inputs, given])

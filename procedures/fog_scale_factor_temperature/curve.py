@@ -22,6 +22,7 @@ CHECKED = 201
 OUTSIDE = 0.05
 """Of records; the truth of the others is inside."""
 LARGEST_FACTOR = 1e6
+SLOPE_DEGC = 0.01
 
 
 def chebyshev_columns(
@@ -71,6 +72,11 @@ class Curve:
     def error_ppm(self, temperature_degC: Array) -> Array:
         """Return the scale-factor error in ppm, shape (n,)."""
         return np.asarray(self.columns(temperature_degC) @ self.coefficients_ppm)
+
+    def slope_ppm_per_degC(self, temperature_degC: float) -> float:
+        """Return by how much the error changes with the temperature; zero beyond the domain."""
+        beside = np.array([temperature_degC - SLOPE_DEGC, temperature_degC + SLOPE_DEGC])
+        return float(np.diff(self.error_ppm(beside))[0] / (2.0 * SLOPE_DEGC))
 
     def standard_uncertainty_ppm(self, temperature_degC: Array) -> Array:
         """Return its type A standard uncertainty in ppm, shape (n,)."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
 from station.files.faults import FaultList
 from station.findings import (
     Detail,
@@ -22,8 +24,8 @@ from station.findings import (
 from .analysis import FogAnalysis, analyse
 from .axis_fit import WIDE, AxisFit, within
 from .curve import Band, Curve
-from .dataset import FogDataset
-from .following import TABLE
+from .dataset import Drive, FogDataset
+from .following import NAVIGATOR, ROOM_DEGC, TABLE
 from .from_import import Conditions, dataset_of_import
 from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, FogParameters
 from .verification import Driven, Verified
@@ -36,6 +38,9 @@ if TYPE_CHECKING:
 BIAS = "gyro_bias"
 TABLE_ANGLE = "table_angle_deg"
 CHECKS = "checks"
+ABOUT_WARMTH = "offset of the gyro's thermometer, where another one compensates by the curve"
+CONDITIONS = "the dataset's conditions"
+WARMTH, LATITUDE = "thermometer_degC", "latitude"
 BAND_POINTS = 21
 WIDEST_DEGC = WIDE * AnalysisSettings().temperature_gap_degC
 
@@ -46,9 +51,12 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
 
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
+    warmth = bench.stated_input((NAVIGATOR, "temperature", ROOM_DEGC, "degC"), WARMTH, ABOUT_WARMTH)
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
     findings = to_findings(analysis, dataset, flags, "specification in the plan")
-    return replace(findings, inputs=[*findings.inputs, *table_inputs(bench)])
+    return replace(
+        findings, inputs=[*findings.inputs, *table_inputs(bench), *warmth, latitude_input(None)]
+    )
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -68,7 +76,18 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     if conditions.soak_s is not None and not low <= conditions.soak_s / 3600.0 <= high:
         soak_h = conditions.soak_s / 3600.0
         flags.append(outside_flag(f"a soak of {soak_h:g} h (published {low:g} h to {high:g} h)"))
-    return to_findings(analysis, dataset, flags, "condition gyro_bias, a specification")
+    findings = to_findings(analysis, dataset, flags, "condition gyro_bias, a specification")
+    warmth = InputQuantity.if_stated(
+        WARMTH, ABOUT_WARMTH, conditions.thermometer_uncertainty_degC, "degC", CONDITIONS
+    )
+    latitude = latitude_input(conditions.latitude_uncertainty_arcmin)
+    return replace(findings, inputs=[*findings.inputs, warmth, latitude])
+
+
+def latitude_input(u_arcmin: float | None) -> InputQuantity:
+    """Return how well the latitude is known, by which the earth's rate is taken off a drive."""
+    u_rad = None if u_arcmin is None else u_arcmin / ARCMIN_PER_RAD
+    return InputQuantity.if_stated(LATITUDE, "latitude of the drive", u_rad, "rad", CONDITIONS)
 
 
 def table_inputs(bench: Bench) -> Iterator[InputQuantity]:
@@ -120,7 +139,7 @@ def to_findings(
     estimates += [
         _verified(verified, analysis.fits[axis]) for axis, verified in analysis.verified.items()
     ]
-    estimates += _driven(analysis.driven, analysis.fits.get("z"))
+    estimates += _driven(analysis.driven, dataset.drive, analysis.fits.get("z"))
     inputs = []
     if dataset.gyro_bias_deg_per_h:
         inputs.append(
@@ -180,6 +199,8 @@ def _estimate(
     sensitivities = {TABLE_ANGLE: 0.0} | ({BIAS: by_bias} if by_bias else {})
     if check:
         sensitivities[f"{CHECKS}_{fit.axis}"] = check
+    if not magnitude:
+        sensitivities[WARMTH] = curve.slope_ppm_per_degC(temperature_degC)
     return Estimate(
         name,
         fit.axis,
@@ -242,9 +263,11 @@ def _verified(verified: Verified, fit: AxisFit) -> Estimate:
     )
 
 
-def _driven(driven: Driven | None, fit: AxisFit | None) -> list[Estimate]:
-    if driven is None:
+def _driven(driven: Driven | None, drive: Drive | None, fit: AxisFit | None) -> list[Estimate]:
+    if driven is None or drive is None:
         return []
+    level = EARTH_RATE_DEG_PER_H * math.cos(math.radians(drive.latitude_deg))
+    by_latitude = level * driven.duration_h
     extra = {"turned_deg": driven.turned_deg}
     dof = fit.curve.degrees_of_freedom if fit is not None and fit.curve is not None else None
     return [
@@ -256,7 +279,7 @@ def _driven(driven: Driven | None, fit: AxisFit | None) -> list[Estimate]:
             driven.noise_u_deg,
             None,
             "least-squares",
-            {BIAS: driven.duration_h},
+            {BIAS: driven.duration_h, LATITUDE: by_latitude},
             extra,
         ),
         Estimate(
@@ -267,7 +290,7 @@ def _driven(driven: Driven | None, fit: AxisFit | None) -> list[Estimate]:
             float(np.hypot(driven.noise_u_deg, driven.model_u_deg)),
             dof,
             "least-squares",
-            {BIAS: driven.duration_h - driven.by_bias_deg},
+            {BIAS: driven.duration_h - driven.by_bias_deg, LATITUDE: by_latitude},
             extra,
         ),
     ]

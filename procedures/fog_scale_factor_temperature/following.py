@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from station.method.run import Rates, Run
 
 TABLE, CHAMBER, NAVIGATOR = "turntable", "thermal_chamber", "navigator"
+ROOM_DEGC = 20.0
+"""Where the record of the navigator is asked how well it reads the temperature."""
 CHAMBER_EVERY_S = 30.0
 LOOK_S = 8.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little. A run

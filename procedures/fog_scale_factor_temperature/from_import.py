@@ -48,7 +48,9 @@ class Conditions(StrictModel):
     gyro_bias_deg_per_h: Annotated[float, Unit("deg/h"), Field(ge=0)] | None = None
     initial_order: Annotated[int, Field(ge=0, le=14)] = PUBLISHED_ORDER
     reference_temperature_degC: Celsius = USUAL_REFERENCE_DEGC
+    thermometer_uncertainty_degC: Annotated[float, Unit("degC", True), Field(ge=0)] | None = None
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
+    latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
     initial_heading_deg: Degree | None = None
 
     @field_validator("temperature_range_degC")

@@ -13,7 +13,7 @@ from station.procedure import Problem, RecordUse
 from station.report.numbers import format_number
 from station.roles.turntable import unnamed_axes
 
-from .following import TABLE
+from .following import NAVIGATOR, ROOM_DEGC, TABLE
 from .parameters import FogParameters
 from .ramping import sets_of_ramp
 
@@ -52,8 +52,14 @@ class Expectation:
 
 
 def records(parameters: FogParameters, bench: Bench) -> tuple[RecordUse, ...]:
-    """Return what the analysis takes of calibration records: that a turn of the table is whole."""
-    return (RecordUse(TABLE, "angle", FULL_TURN_DEG, "deg", corrected=False),)
+    """Return what the analysis takes of calibration records.
+
+    That a turn of the table is whole; how well the navigator reads the gyros' temperature.
+    """
+    return (
+        RecordUse(TABLE, "angle", FULL_TURN_DEG, "deg", corrected=False),
+        RecordUse(NAVIGATOR, "temperature", ROOM_DEGC, "degC", needed=False, corrected=False),
+    )
 
 
 def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field
 
+from procedures.common.conditions import OfGyros
 from procedures.estimation.direction import Direction
 from station.dataset_checks import CLOSE
 from station.dataset_reading import Table, refuse
-from station.fields import InputAxis, StrictModel, Unit
+from station.fields import Unit
 
 from .dataset import TemperatureDataset
 
@@ -24,24 +25,14 @@ COLUMNS = ("t_s", "phase", "set_point_degC", "chamber_temperature_degC")
 FEWEST_ROWS = 60
 
 
-class Conditions(StrictModel):
+class Conditions(OfGyros):
     """The conditions of a record over temperature; what decides a sign has no default."""
 
     sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
     timestamp: Literal["interval-start", "interval-middle", "interval-end"]
-    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
-    input_axis: Annotated[dict[Literal["IA", "X", "Y", "Z"], InputAxis], Field(min_length=1)]
-    attitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     reference_temperature_degC: Annotated[float, Unit("degC")] = 20.0
     sensor_lag_prior_s: Annotated[float, Unit("s"), Field(ge=0)] = 300.0
-
-    @field_validator("input_axis")
-    @classmethod
-    def one_or_triad(cls, value: dict[str, InputAxis]) -> dict[str, InputAxis]:
-        """Require IA alone, or axes of a triad."""
-        if "IA" in value and len(value) > 1:
-            raise ValueError("give IA alone for one gyro, or X, Y, Z for a triad")
-        return value
+    thermometer_uncertainty_degC: Annotated[float, Unit("degC", True), Field(ge=0)] = 0.0
 
 
 def dataset_of_import(raw: RawDataset) -> tuple[TemperatureDataset, Conditions]:

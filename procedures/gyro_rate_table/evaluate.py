@@ -6,6 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from procedures.common.constants import ARCMIN_PER_RAD
+from procedures.common.inputs import cosine_u
+from procedures.estimation.direction import Direction, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
@@ -21,7 +24,8 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 PPM = 1e-6
-ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
+PULSE = "weight of a pulse"
+UPWARDS = Direction(0.0, math.pi / 2.0)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -30,8 +34,12 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     source = "the dataset's conditions"
     inputs = list(mounting_inputs(conditions.alignment_arcmin, conditions.level_arcmin, source))
     if conditions.gyro_output == "rate":
-        inputs += clock_input(conditions.clock_ppm, source)
-    return findings_of(analyse(dataset), dataset, inputs)
+        inputs.append(clock_input(conditions.clock_ppm, source))
+    else:
+        inputs.append(InputQuantity.if_stated("pulse_weight", PULSE, None, "1", source))
+    findings = findings_of(analyse(dataset), dataset, inputs)
+    u_arcmin = conditions.latitude_uncertainty_arcmin
+    return with_latitude(findings, {"IA": UPWARDS}, dataset.latitude_rad, u_arcmin, source)
 
 
 def findings_of_run(folder: RunFolder, parameters: RateTableParameters, bench: Bench) -> Findings:
@@ -42,16 +50,16 @@ def findings_of_run(folder: RunFolder, parameters: RateTableParameters, bench: B
     dataset = dataset_of_run(folder, parameters, bench)
     settings = AnalysisSettings(**dict(parameters.thresholds))
     inputs = list(mounting_inputs(parameters.alignment_arcmin, parameters.level_arcmin, "the plan"))
-    about = "weight of a pulse"
-    inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", about, relative=True)
-    return findings_of(analyse(dataset, settings), dataset, inputs)
+    inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", PULSE, relative=True)
+    findings = findings_of(analyse(dataset, settings), dataset, inputs)
+    u_arcmin = parameters.latitude_uncertainty_arcmin
+    return with_latitude(findings, {"IA": UPWARDS}, dataset.latitude_rad, u_arcmin, "the plan")
 
 
-def clock_input(u_ppm: float, source: str) -> Iterator[InputQuantity]:
-    """Yield the rate of the clock by which angles become rates; pulses need none."""
-    if u_ppm > 0.0:
-        about = "rate of the clock that stamps the angles"
-        yield InputQuantity("clock", about, u_ppm * PPM, "1", source)
+def clock_input(u_ppm: float, source: str) -> InputQuantity:
+    """Return the rate of the clock by which angles become rates; pulses need none."""
+    about = "rate of the clock that stamps the angles"
+    return InputQuantity.if_stated("clock", about, u_ppm * PPM, "1", source)
 
 
 def mounting_inputs(
@@ -61,10 +69,13 @@ def mounting_inputs(
 
     A lean takes 1 - cos of it off the scale factor.
     """
-    if alignment_arcmin > 0.0:
-        about = f"input axis along the table's within {alignment_arcmin:g} arcmin"
-        u = 1.0 - math.cos(alignment_arcmin / ARCMIN_PER_RAD)
-        yield InputQuantity("alignment", about, u, "1", source)
-    if level_arcmin > 0.0:
-        about = f"table's axis vertical within {level_arcmin:g} arcmin"
-        yield InputQuantity("level", about, level_arcmin / ARCMIN_PER_RAD, "rad", source)
+    about = "input axis along the table's"
+    if alignment_arcmin:
+        about += f" within {alignment_arcmin:g} arcmin"
+    u = cosine_u(alignment_arcmin / ARCMIN_PER_RAD)
+    yield InputQuantity.if_stated("alignment", about, u, "1", source)
+    about = "table's axis vertical"
+    if level_arcmin:
+        about += f" within {level_arcmin:g} arcmin"
+    u = level_arcmin / ARCMIN_PER_RAD
+    yield InputQuantity.if_stated("level", about, u, "rad", source)

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
+from procedures.common.conditions import OfRateOrCounts, OnEarth
 from procedures.estimation.turn_encoder import Encoder, unwrap
 from station.dataset_checks import switch_ons
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel, Unit
+from station.fields import Unit
 from station.files.faults import Fault
 
 from .dataset import SECONDS_PER_HOUR, Array, RateTableDataset, Record
@@ -27,29 +28,16 @@ FAR = 0.5
 """Part of the commanded rate by which the encoder may differ before its column is in doubt."""
 
 
-class Conditions(StrictModel):
+class Conditions(OnEarth, OfRateOrCounts):
     """The conditions of records on a rate table; what decides a sign has no default."""
 
     sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
     timestamp: Literal["interval-start", "interval-middle", "interval-end"]
-    gyro_output: Literal["rate", "counts"]
-    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] | None = Field(
-        default=None, validate_default=True
-    )
     range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
-    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
     clock_ppm: Annotated[float, Unit("ppm"), Field(ge=0)] = 0.0
     alignment_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     level_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     encoder_accuracy_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0)] = 0.0
-
-    @field_validator("pulse_weight_arcsec")
-    @classmethod
-    def weight_of_counts(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """Require the pulse weight where the output is counts."""
-        if value is None and info.data.get("gyro_output") == "counts":
-            raise ValueError("an output in counts needs pulse_weight, such as 0.4 arcsec")
-        return value
 
 
 def dataset_of_import(raw: RawDataset) -> tuple[RateTableDataset, Conditions]:

@@ -49,6 +49,7 @@ class RateTableParameters(StrictModel):
     """What the engineer chooses."""
 
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     rates_deg_per_s: Annotated[
         tuple[Annotated[float, Unit("deg/s"), Field(gt=0)], ...], Field(min_length=2)
     ] = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)

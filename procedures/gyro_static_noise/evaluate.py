@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.estimation.direction import attitude_inputs
+from procedures.common.inputs import Declared, with_unstated
+from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
@@ -20,14 +21,20 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 PPM = 1e-6
+OF_RATE: Declared = {"clock": ("rate of the clock", "1")}
+OF_COUNTS: Declared = {**OF_RATE, "pulse_weight": ("weight of a pulse", "1")}
+"""What the results depend on, beside the attitude and the latitude."""
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says."""
     dataset, conditions = dataset_of_import(raw)
-    u_arcmin = conditions.attitude_uncertainty_arcmin
-    inputs = list(attitude_inputs(dataset.directions, u_arcmin, "the dataset's conditions"))
-    return findings_of(analyse(dataset), dataset, inputs)
+    u_arcmin, source = conditions.attitude_uncertainty_arcmin, "the dataset's conditions"
+    inputs = list(attitude_inputs(dataset.directions, u_arcmin, source))
+    u_latitude = conditions.latitude_uncertainty_arcmin
+    declared = OF_COUNTS if dataset.pulse_arcsec else OF_RATE
+    findings = findings_of(analyse(dataset), dataset, with_unstated(inputs, declared))
+    return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_latitude, source)
 
 
 def findings_of_run(folder: RunFolder, parameters: StaticParameters, bench: Bench) -> Findings:
@@ -41,4 +48,6 @@ def findings_of_run(folder: RunFolder, parameters: StaticParameters, bench: Benc
     inputs.append(InputQuantity("clock", "rate of the station's clock", u_clock, "1", "the plan"))
     about = "weight of a pulse"
     inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", about, relative=True)
-    return findings_of(analyse(dataset, settings), dataset, inputs)
+    findings = findings_of(analyse(dataset, settings), dataset, inputs)
+    u_arcmin = parameters.latitude_uncertainty_arcmin
+    return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_arcmin, "the plan")

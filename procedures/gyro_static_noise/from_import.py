@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.conditions import OfGyros, OfRateOrCounts
 from procedures.estimation.direction import Direction
 from station.dataset_checks import switch_ons
 from station.dataset_reading import Table
-from station.fields import InputAxis, StrictModel, Unit
+from station.fields import InputAxis, Unit
 
 from .dataset import Record, StaticDataset
 
@@ -22,35 +23,18 @@ TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5
 OUTPUTS = {"counts": "counts", "rate": "rate_deg_per_h"}
 
 
-class Conditions(StrictModel):
+class Conditions(OfGyros, OfRateOrCounts):
     """The conditions of a record of gyros at rest; what decides a sign has no default."""
 
     sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
     timestamp: Literal["interval-start", "interval-middle", "interval-end"]
-    gyro_output: Literal["rate", "counts"]
-    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] | None = Field(
-        default=None, validate_default=True
-    )
     output_bandwidth_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
-    latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
-    input_axis: Annotated[dict[Literal["IA", "X", "Y", "Z"], InputAxis], Field(min_length=1)]
-    attitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 0.0
-
-    @field_validator("pulse_weight_arcsec")
-    @classmethod
-    def weight_of_counts(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """Require the pulse weight where the output is counts."""
-        if value is None and info.data.get("gyro_output") == "counts":
-            raise ValueError("an output in counts needs pulse_weight, such as 0.4 arcsec")
-        return value
 
     @field_validator("input_axis")
     @classmethod
-    def one_or_triad(cls, value: dict[str, InputAxis], info: ValidationInfo) -> object:
-        """Require IA alone, or axes of a triad."""
-        if "IA" in value and len(value) > 1:
-            raise ValueError("give IA alone for one gyro, or X, Y, Z for a triad")
+    def counts_of_one(cls, value: dict[str, InputAxis], info: ValidationInfo) -> object:
+        """Require IA where the output is counts."""
         if "IA" not in value and info.data.get("gyro_output") == "counts":
             raise ValueError("an output in counts has the input axis IA")
         return value

@@ -37,6 +37,7 @@ class StaticParameters(StrictModel):
     """What the engineer chooses."""
 
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     input_axis: dict[Literal["IA"], InputAxis]
     attitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)]
     sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.inputs import Declared, cosine_u, with_unstated
 from station.findings import (
     Covariance,
     Detail,
@@ -32,6 +33,16 @@ if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
+
+PROBE_COSINE = "probe_cosine"
+INPUTS: Declared = {
+    "field_gain": ("gain of the gaussmeter", "1"),
+    "field_time_offset_s": ("alignment of the field's and the gyro's clocks", "s"),
+    MISALIGNMENT: ("direction of the gaussmeter's axes to those of the gyro", "1"),
+    PROBE_COSINE: ("probe to coil angle: cosine of the field", "1"),
+    "gyro_scale": ("gyro scale: pulse weight and time base", "1"),
+}
+"""What the results depend on, beside axes that were not driven."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +165,8 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     stated = raw.conditions(Conditions).undriven_sensitivity_deg_per_h_per_mT
     limits = AnalysisSettings(undriven_sensitivity=stated)
     analysis = analyse(dataset, limits)
-    return to_findings(analysis, dataset, list(undriven_inputs(analysis.estimates, limits)), [])
+    inputs = with_unstated(undriven_inputs(analysis.estimates, limits), INPUTS)
+    return to_findings(analysis, dataset, inputs, [])
 
 
 def settings(parameters: RlgParameters) -> AnalysisSettings:
@@ -217,6 +229,9 @@ def type_b_inputs(
     inputs += bench.stated_input(stated, MISALIGNMENT, about, unit="1")
     about = "gyro scale: pulse weight and the board's time base"
     inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "gyro_scale", about)
+    angle_u_rad, source = bench.stated(GAUSSMETER, PROBE_ANGLE, 0.0, "rad") or (None, "")
+    u = cosine_u(angle_u_rad)
+    inputs.append(InputQuantity.if_stated(PROBE_COSINE, INPUTS[PROBE_COSINE][0], u, "1", source))
     return inputs
 
 
@@ -246,6 +261,7 @@ def to_findings(
             sensitivities={
                 **estimate.sensitivities,
                 **slope_by_misalignment(estimate, analysis.estimates),
+                PROBE_COSINE: estimate.value or 0.0,
             },
             extra=extra_of(estimate.axis or "", coils, tested),
         )

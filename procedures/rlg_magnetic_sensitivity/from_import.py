@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.conditions import OfRateOrCounts
 from station.fields import StrictModel, Unit
 
 from .averaged import shortened
@@ -29,7 +30,7 @@ class ImportedDrive(StrictModel):
     amplitude_mT: Annotated[float, Unit("mT"), Field(gt=0)]
 
 
-class Conditions(StrictModel):
+class Conditions(OfRateOrCounts):
     """The conditions of a laser-gyro dataset; what decides a sign or a phase has no default."""
 
     drive: Annotated[dict[Axis, ImportedDrive], Field(min_length=1)]
@@ -37,10 +38,6 @@ class Conditions(StrictModel):
     timestamp: TIMESTAMP
     field_timestamp: Literal["interval-start", "interval-middle", "interval-end", "instantaneous"]
     field_averaging_s: Annotated[float, Unit("s"), Field(gt=0)] | None = Field(
-        default=None, validate_default=True
-    )
-    gyro_output: Literal["rate", "counts"]
-    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] | None = Field(
         default=None, validate_default=True
     )
 
@@ -57,14 +54,6 @@ class Conditions(StrictModel):
             raise ValueError("a field that is not instantaneous needs field_averaging, a time")
         if value is not None and stamp == "instantaneous":
             raise ValueError("an instantaneous field has no field_averaging")
-        return value
-
-    @field_validator("pulse_weight_arcsec")
-    @classmethod
-    def weight_of_counts(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """Require the pulse weight where the output is counts."""
-        if value is None and info.data.get("gyro_output") == "counts":
-            raise ValueError("an output in counts needs pulse_weight, such as 0.4 arcsec")
         return value
 
 

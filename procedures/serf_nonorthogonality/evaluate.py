@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.common.inputs import Declared, with_unstated
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
@@ -27,6 +28,15 @@ if TYPE_CHECKING:
 
 GAMMA_ROUNDING = 5e-6 / math.sqrt(3.0)
 """Hz/nT: half a unit of the last digit of 28.02495 Hz/nT, as a uniform distribution."""
+INPUTS: Declared = {
+    **{f"coil_{coil}": (f"coil constant of {coil}", "1") for coil in AXES},
+    "sample_clock": ("sample clock of the digitizer", "1"),
+    **{
+        f"residual_{axis}_nT": (f"residual field along {axis}, taken for zero", "nT")
+        for axis in AXES
+    },
+}
+"""What the results depend on, beside the gyromagnetic ratio."""
 ONE_SAMPLE = 1.0 / math.sqrt(12.0)
 
 
@@ -40,7 +50,7 @@ def findings_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench)
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records."""
     dataset = dataset_of_import(raw)
-    return findings_of(analyse(dataset), dataset, list(common_inputs(dataset)))
+    return findings_of(analyse(dataset), dataset, with_unstated(common_inputs(dataset), INPUTS))
 
 
 def settings(parameters: SerfParameters) -> AnalysisSettings:

@@ -211,16 +211,18 @@ class Bench(FromDocument):
         factor: float = 1.0,
         unit: str | None = None,
     ) -> Iterator[InputQuantity]:
-        """Yield the type B input that a calibration record gives an analysis, if it states one.
+        """Yield the type B input that a calibration record gives an analysis.
 
         `stated` is instrument, quantity, value and unit, as for `stated()`. The input is the
-        stated uncertainty, over the value where it is `relative`, times `factor`, in `unit`.
+        stated uncertainty, over the value where it is `relative`, times `factor`, in `unit`; a
+        record that states none makes it one that is not stated.
         """
-        if statement := self.stated(*stated):
-            _, _, value, own_unit = stated
-            u = statement[0] / value if relative else factor * statement[0]
-            given = "1" if relative else unit or own_unit
-            yield InputQuantity(name, about, u, given, statement[1])
+        _, _, value, own_unit = stated
+        given = "1" if relative else unit or own_unit
+        u, source = self.stated(*stated) or (None, "")
+        if u is not None:
+            u = u / value if relative else factor * u
+        yield InputQuantity.if_stated(name, about, u, given, source)
 
     @property
     def attached(self) -> dict[str, tuple[str, str]] | None:

@@ -30,6 +30,7 @@ from station.report.numbers import (
 )
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 from station.texts import IN_ENGLISH, Texts
+from station.uncertainty import BudgetLine
 
 BADGES = {
     "pass": ("✓", "Within limits"),
@@ -222,7 +223,7 @@ def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
             {
                 "description": line.description,
                 "kind": line.kind,
-                "contribution": format_with_uncertainty(line.contribution, line.contribution)[1],
+                **_input_texts(line),
                 "percent": 100.0 * line.contribution**2 / variance if variance else 0.0,
                 "share": _share(100.0 * line.contribution**2 / variance if variance else 0.0),
                 "source": line.source,
@@ -243,6 +244,21 @@ def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
             }
         )
     return budgets
+
+
+def _input_texts(line: BudgetLine) -> dict[str, str]:
+    """Return what a budget says of an input; of one that nobody states no contribution."""
+    given = line.standard_uncertainty is not None
+    u = format_number(line.standard_uncertainty, 3)
+    contribution = format_with_uncertainty(line.contribution, line.contribution)[1]
+    return {
+        "input": format_number(line.value),
+        "u": f"{u} {line.unit}" if given and line.unit != "1" else u,
+        "distribution": line.distribution,
+        "dof": format_degrees_of_freedom(line.degrees_of_freedom) if given else NOTHING,
+        "sensitivity": format_number(line.sensitivity, 3),
+        "contribution": contribution if given else NOTHING,
+    }
 
 
 def _part(part: Part, texts: Texts) -> dict[str, Any]:

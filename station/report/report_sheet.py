@@ -98,10 +98,16 @@ def _part(part: Part, texts: Texts) -> Block:
 
 def _budgets(document: ResultDocument) -> Iterator[Block]:
     for budget in budgets_of(document.results):
-        columns = ("Contribution", "Type", f"In {budget['unit']}", "Share, %", "Source")
-        keys = ("description", "kind", "contribution", "share", "source")
+        columns = (
+            *("Contribution", "Type", "Standard uncertainty", "Distribution", "Sensitivity"),
+            *(f"In {budget['unit']}", "Share, %", "Source"),
+        )
+        keys = (
+            *("description", "kind", "u", "distribution", "sensitivity"),
+            *("contribution", "share", "source"),
+        )
         rows = [[row[key] for key in keys] for row in budget["rows"]]
-        rows.append(["combined", "", budget["total"], "", ""])
+        rows.append(["combined", "", "", "", "", budget["total"], "", ""])
         of_axis = f" of axis {budget['axis']}" if budget["axis"] else ""
         yield grid(columns, rows, title=f"{budget['name']}{of_axis}")
 

@@ -23,7 +23,8 @@ def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:
     Nothing where no record states the gaussmeter's gain. Causes are the caller's to look at.
     """
     gains = [input.standard_uncertainty for input in findings.inputs if input.name == GAIN]
-    if not gains:
+    gain_u = next(iter(gains), None)
+    if gain_u is None:
         return
     for estimate in findings.estimates:
         if (
@@ -32,7 +33,7 @@ def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:
             or estimate.axis not in COILS
         ):
             continue
-        u = ((estimate.standard_uncertainty or 0.0) ** 2 + (gains[0] * estimate.value) ** 2) ** 0.5
+        u = ((estimate.standard_uncertainty or 0.0) ** 2 + (gain_u * estimate.value) ** 2) ** 0.5
         if abs(estimate.value - 1.0) <= COVERAGE * u:
             continue
         constant = estimate.extra["coil_constant_mT_per_A"]

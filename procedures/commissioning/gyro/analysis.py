@@ -109,7 +109,7 @@ def analyse(data: GyroDataset, inputs: Sequence[InputQuantity]) -> Analysis:
         "the earth's rate along the input axis over the rate at rest",
         by,
     )
-    known = {input.name: input.standard_uncertainty for input in inputs}
+    known = {input.name: input.standard_uncertainty or 0.0 for input in inputs}
     whole_u = math.hypot(ratio * u / rate, *(by[name] * known.get(name, 0.0) for name in by))
     return Analysis([*estimates, weight], (), [*flags, *_weight(ratio, whole_u, data)])
 

@@ -54,7 +54,7 @@ def findings(folder: RunFolder, parameters: MotionParameters, bench: Bench) -> F
     if missing := [unit for unit in units if unit not in finished]:
         return findings_of(not_measured("motion", RESULTS, missing), None, [])
     encoder = list(bench.stated_input(ANGLE, ENCODER, "angle of the table"))
-    encoder_u_deg = encoder[0].standard_uncertainty if encoder else 0.0
+    encoder_u_deg = encoder[0].standard_uncertainty or 0.0
     data = dataset_of_run(folder, parameters, encoder_u_deg)
     plan = "the plan"
     inputs = [

@@ -26,7 +26,7 @@ def findings(folder: RunFolder, parameters: StageParameters, bench: Bench) -> Fi
     if missing := [record.unit for record in parameters.records if record.unit not in finished]:
         return findings_of(not_measured("stage", RESULTS, missing), None, [])
     angle = list(bench.stated_input(STATED, ANGLE, "angle of the rotary stage"))
-    angle_u_deg = angle[0].standard_uncertainty if angle else 0.0
+    angle_u_deg = angle[0].standard_uncertainty or 0.0
     data = dataset_of_run(folder, parameters, angle_u_deg)
     about = "mounting of the accelerometer on the stage"
     mounting = InputQuantity(MOUNTING, about, parameters.mounting_deg, "deg", "the plan")

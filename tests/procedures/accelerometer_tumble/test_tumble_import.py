@@ -53,6 +53,7 @@ def test_multimeter_and_gravity_are_inputs_of_the_budget(tmp_path: Path) -> None
     stated = "  local_gravity_uncertainty: 20 ug\n  multimeter_gain: 10 ppm\n"
     findings = findings_of_dataset(read_dataset(changed(tmp_path, lambda row: row, stated)))
     inputs = {one.name: one.standard_uncertainty for one in findings.inputs}
+    assert {inputs.pop(name) for name in ("thermometer_degC", "multimeter_zero")} == {None}
     assert inputs == pytest.approx(
         {"encoder": 1.0, "mounting": 1.0, "local_gravity": 20e-6, "multimeter_gain": 10e-6}
     )

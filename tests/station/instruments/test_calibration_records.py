@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -136,14 +137,12 @@ def test_shipped_benches_have_the_records_that_shipped_plans_need(path: Path) ->
             {"uncertainty": {"quantity": "current", "relative": "1 %", "coverage_factor": 2.0}},
             "uncertainty of current",
         ),
-        (ACCELEROMETER, "rotary_stage", {"uncertainty": TEN_DEG}, "uncertainty of angle"),
         (
             ACCELEROMETER,
-            "thermometer",
-            {"uncertainty": {"quantity": "temperature", "absolute": "20 K", "coverage_factor": 1}},
-            "uncertainty of temperature",
+            "gaussmeter",
+            {"corrections": {"quantity": "angle", "offset": "1 deg"}},
+            "correction of angle",
         ),
-        (ACCELEROMETER, "gaussmeter", {"uncertainty": TEN_DEG}, "uncertainty of angle"),
         (SERF, "signal_generator.xy", {}, "uncertainty of scale"),
         (
             FOG,
@@ -245,6 +244,27 @@ def test_the_direction_of_a_gaussmeter_of_three_axes_is_in_u(
     assert known[1] is not None
     assert any("direction of the gaussmeter" in line.description for line in known[1].budget)
     assert known[1].standard_uncertainty > known[0].standard_uncertainty
+
+
+def test_the_probe_and_the_thermometer_of_an_accelerometer_are_in_u(
+    run_of: Callable[[str], Path],
+) -> None:
+    folder = run_of(ACCELEROMETER)
+    bench = bench_with({"gaussmeter": {"uncertainty": TEN_DEG}})
+    documents = [
+        conclude(ACCELEROMETER, findings(folder, used), {}, "simple")
+        for used in (read_bench_named("sim"), bench)
+    ]
+    probes = [
+        {line.quantity: line for line in document.result("Km").budget}["probe_cosine"]
+        for document in documents
+    ]
+    assert (probes[0].standard_uncertainty, probes[0].source) == (None, "not stated")
+    size = 1.0 - math.cos(math.radians(10.0))
+    assert probes[1].contribution == pytest.approx(size * abs(probes[1].sensitivity))
+    lines = {line.quantity: line for line in documents[0].result("K0").budget}
+    assert lines["thermometer_degC"].standard_uncertainty == pytest.approx(0.05)
+    assert lines["thermometer_degC"].contribution > 0.0
 
 
 def test_a_gaussmeter_that_states_another_quantity_alone_is_uncalibrated(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from station.decision import Limit, conformity
 from station.findings import Covariance, Estimate, Findings, InputQuantity
 from station.results import conclude
-from station.uncertainty import combine, covariance_of
+from station.uncertainty import BudgetLine, combine, covariance_of
 
 GAIN = InputQuantity("gain", "gaussmeter", 0.01, "1", "certificate 7", distribution="uniform")
 X = Estimate("s", "x", 2.0, "V", 0.03, 40.0, "mean", {"gain": -2.0})
@@ -35,6 +36,19 @@ def test_a_budget_has_the_columns_of_the_gum_and_its_shares_add_to_one() -> None
     assert sum(line.share for line in combined.budget) == pytest.approx(1.0)
     assert combined.standard_uncertainty == pytest.approx(math.hypot(0.03, 0.02))
     json.dumps([line.to_data() for line in combined.budget], allow_nan=False)
+
+
+def test_an_input_that_nobody_states_has_its_row_and_adds_nothing() -> None:
+    gravity = InputQuantity.if_stated("gravity", "local gravity", None, "g", "plan", value=1.0)
+    estimate = replace(X, sensitivities={"gain": -2.0, "gravity": 7.0})
+    (alone,), (combined,) = combine([X], [GAIN]), combine([estimate], [GAIN, gravity])
+    assert alone is not None and combined is not None
+    assert combined.standard_uncertainty == alone.standard_uncertainty
+    line = combined.budget[-1].to_data()
+    assert (line["quantity"], line["value"], line["source"]) == ("gravity", 1.0, "not stated")
+    assert (line["standard_uncertainty"], line["contribution"]) == (None, 0.0)
+    assert BudgetLine.of(line) == combined.budget[-1]
+    assert covariance_of([estimate], [GAIN, gravity], OF_THE_DATA) is not None
 
 
 def test_results_of_one_gaussmeter_are_correlated() -> None:
