@@ -252,7 +252,10 @@ def trial(case: Case, seed: int) -> Trial:
                 continue
             u = one.standard_uncertainty
             if name == "bias" and analysis.bias is not None:
-                u = float(np.hypot(u, np.linalg.norm(list(one.sensitivities.values()))))
+                parts = [
+                    size for part, size in one.sensitivities.items() if part.startswith("prior_")
+                ]
+                u = float(np.hypot(u, np.linalg.norm(parts)))
             error = one.value * UNIT[name] - value
             rows.append((error, u * UNIT[name], one.degrees_of_freedom or np.inf))
         error_of, u_of, freedom = np.transpose(rows)

@@ -330,6 +330,8 @@ PARAMETERS = {
     },
     "nine-axis-calibration": {
         "latitude": "of the bench, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "positions": "the published positions, each once, in the order in which they are taken",
         "positioning": "`plate`: a person turns the sensor over; `table`: the table does",
         "flip": "whether each position is taken once more, turned by 180 deg about the vertical",
@@ -540,6 +542,8 @@ CONDITIONS = {
     },
     "nine-axis-calibration": {
         "latitude": "of the bench, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
         "range": "where the gyros saturate; without it saturated samples are known by their values",
         "prior": "standard uncertainties of the set-up, known beforehand",
         "prior.heading": "of the plate against north, common to all positions",

@@ -59,6 +59,14 @@ def attitude_inputs(
 LATITUDE = "latitude"
 
 
+def latitude_input(latitude_rad: float, u_arcmin: float, source: str) -> InputQuantity:
+    """Return the latitude, by which the earth's rate is taken off; `u_arcmin` is how well `source`
+    says that it is known, 0 where it does not.
+    """
+    u_rad = u_arcmin / ARCMIN_PER_RAD
+    return InputQuantity.if_stated(LATITUDE, LATITUDE, u_rad, "rad", source, value=latitude_rad)
+
+
 def with_latitude(
     findings: Findings,
     directions: Mapping[str, Direction],
@@ -67,10 +75,9 @@ def with_latitude(
     source: str,
 ) -> Findings:
     """Return findings with the latitude as an input of the biases, which the earth's rate was taken
-    off; `u_arcmin` is how well `source` says that it is known, 0 where it does not.
+    off, as `latitude_input` has it.
     """
-    u_rad = u_arcmin / ARCMIN_PER_RAD
-    given = InputQuantity.if_stated(LATITUDE, LATITUDE, u_rad, "rad", source, value=latitude_rad)
+    given = latitude_input(latitude_rad, u_arcmin, source)
 
     def on_earth(estimate: Estimate) -> Estimate:
         direction = directions.get(estimate.axis or "")

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.measured import Measured
 from station.findings import Analysis, Estimate, undetermined
 
-from .dataset import PPM, SECONDS_PER_HOUR, AnalysisSettings, Array, RateTableDataset
+from .dataset import PPM, AnalysisSettings, Array, RateTableDataset
 from .flags import data_flags, drift_flag, result_flags
 from .joint_fit import JointFit, drift_alone, fit_records, system_of
 from .noise import Within, within_records

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.constants import EARTH_RATE_DEG_PER_H
 from station.findings import FlagThresholds
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-EARTH_DEG_PER_H = 15.041
-SECONDS_PER_HOUR = 3600.0
 PPM = 1e6
 
 
@@ -64,12 +63,12 @@ class RateTableDataset:
     @property
     def earth_up_deg_per_h(self) -> float:
         """The vertical part of the earth's rate."""
-        return float(EARTH_DEG_PER_H * np.sin(self.latitude_rad))
+        return float(EARTH_RATE_DEG_PER_H * np.sin(self.latitude_rad))
 
     @property
     def earth_level_deg_per_h(self) -> float:
         """The horizontal part of the earth's rate."""
-        return float(EARTH_DEG_PER_H * np.cos(self.latitude_rad))
+        return float(EARTH_RATE_DEG_PER_H * np.cos(self.latitude_rad))
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,14 @@ import numpy as np
 from pydantic import Field
 
 from procedures.common.conditions import OfRateOrCounts, OnEarth
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.turn_encoder import Encoder, unwrap
 from station.dataset_checks import switch_ons
 from station.dataset_reading import Table, refuse
 from station.fields import Unit
 from station.files.faults import Fault
 
-from .dataset import SECONDS_PER_HOUR, Array, RateTableDataset, Record
+from .dataset import Array, RateTableDataset, Record
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.pulses import pulses_of
 from procedures.estimation.turn_track import SHORT_S, Track, track
 from station.errors import MissingRows
 
-from .dataset import SECONDS_PER_HOUR, Array, RateTableDataset, Record
-from .parameters import FULL_TURN_DEG, RateTableParameters
+from .dataset import Array, RateTableDataset, Record
+from .parameters import RateTableParameters
 from .steps import GYRO, TURNTABLE, UP_SENSE
 
 if TYPE_CHECKING:

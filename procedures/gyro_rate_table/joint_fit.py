@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.reml import Stretch, components_at, fit
 
-from .dataset import SECONDS_PER_HOUR, Array
+from .dataset import Array
 from .noise import Within
 from .scale_drift import Runs
 from .screening import Kept

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from station.findings import Published
 
-from .dataset import PPM, SECONDS_PER_HOUR, Array
+from .dataset import PPM, Array
 from .parameters import UNITS
 from .screening import Kept
 

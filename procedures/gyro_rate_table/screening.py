@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.frozen import repeated_windows
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
 from procedures.estimation.saturation import stands_at_top
 
-from .dataset import SECONDS_PER_HOUR, Array, Mask, RateTableDataset, Record
+from .dataset import Array, Mask, RateTableDataset, Record
 
 FEWEST = 3
 ALWAYS_NEW = 0.9

@@ -48,7 +48,8 @@ class StaticMeans:
 class BiasSolution:
     """Biases (3,) in deg/h with their covariance, and where their uncertainty comes from.
 
-    `noise_u` (3,) is the part of the data's noise; `parts` gives that of each prior. `residual`
+    `noise_u` (3,) is the part of the data's noise; `parts` gives that of each prior,
+    `by_latitude` (3,) what the biases gain, deg/h per rad. `residual`
     (p, 3) is gyro mean less model. `heading_used` says whether the prior of the heading took part:
     it does not where the gyros contradict it. `tilt_rad` (p, 2) is the rotation of each position
     about east and north.
@@ -63,6 +64,7 @@ class BiasSolution:
     heading_used: bool
     own_heading_rad: Array
     tilt_rad: Array
+    by_latitude: Array
     residual: Array
     chi_square: float
     degrees_of_freedom: int
@@ -96,7 +98,7 @@ def _solve(
     size = np.concatenate((means.gyro_u.ravel(), means.accelerometer_u[level], sizes))
     state = np.zeros(FIRST_OWN + OWN * count)
     state[FIRST_OWN - MISALIGNED : FIRST_OWN] = gain.misalignment
-    turning = earth_rate(latitude_deg)
+    turning, by_latitude = earth_rate(latitude_deg), earth_rate(latitude_deg + 90.0)
     for _ in range(ROUNDS):
         model, jacobian = _model(state, nominal, level, turning, gain.scale_factor)
         prior_rows = _prior_rows(len(state), count, use_heading=use_heading)
@@ -107,6 +109,9 @@ def _solve(
         state = state + inverse @ (q.T @ (left / size))
     model, _ = _model(state, nominal, level, turning, gain.scale_factor)
     left = data - np.concatenate((model, prior_rows @ state))
+    # The model is linear in the earth's rate.
+    more, _ = _model(state, nominal, level, turning + by_latitude, gain.scale_factor)
+    change = np.concatenate((model - more, np.zeros(len(centres))))
     covariance = inverse @ inverse.T
     share = ((inverse @ q.T)[:BIASES]) ** 2
     noise = share[:, : len(data) - len(centres)].sum(axis=1)
@@ -120,6 +125,7 @@ def _solve(
         covariance=covariance[:BIASES, :BIASES],
         noise_u=np.sqrt(noise),
         parts={name: np.sqrt(value) for name, value in parts.items()},
+        by_latitude=(inverse @ (q.T @ (change / size)))[:BIASES],
         heading_rad=float(state[BIASES]),
         heading_u=float(np.sqrt(covariance[BIASES, BIASES])),
         heading_used=use_heading,

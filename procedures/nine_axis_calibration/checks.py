@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
+from procedures.common.constants import EARTH_RATE_DEG_PER_H
 from station.findings import Flag, contradiction
 
 from .dataset import AXES, Array, Mask, Prior
 from .findings import StaticSummary
-from .pose import ATTITUDES, EARTH_RATE_deg_per_h
+from .pose import ATTITUDES
 from .scale import ScaleSolution
 from .turning import AxisMeans
 
@@ -81,7 +82,7 @@ def denied_rotation(
     if not level:
         return None
     leans = [prior.tilt_rad, prior.relative_heading_rad, prior.misalignment_rad, SENSOR_LEANS_RAD]
-    attitude = EARTH_RATE_deg_per_h * float(np.linalg.norm(leans))
+    attitude = EARTH_RATE_DEG_PER_H * float(np.linalg.norm(leans))
     scale = np.where(plausible(scale_factor), scale_factor, 1.0)[:, None]
     design = np.vstack(
         [np.hstack((np.eye(3), scale * ATTITUDES[summary.position])) for summary in level]
@@ -111,7 +112,7 @@ def denied_rotation(
         whole,
         size_u,
     )
-    same = abs(whole - EARTH_RATE_deg_per_h) <= DENIED_SIGMAS * size_u
+    same = abs(whole - EARTH_RATE_DEG_PER_H) <= DENIED_SIGMAS * size_u
     near = abs(rotation.latitude_deg - latitude_deg) <= DENIED_SIGMAS * rotation.latitude_u_deg
     return None if same and near else rotation
 
@@ -169,12 +170,12 @@ def _askew(axis: int, means: AxisMeans, solution: ScaleSolution | None) -> list[
 
 
 def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
-    ratio = rotation.size_deg_per_h / EARTH_RATE_deg_per_h
+    ratio = rotation.size_deg_per_h / EARTH_RATE_DEG_PER_H
     details: dict[str, Any] = {
         "latitude_deg": rotation.latitude_deg,
         "rotation_deg_per_h": rotation.size_deg_per_h,
     }
-    if abs(ratio - 1.0) * EARTH_RATE_deg_per_h <= DENIED_SIGMAS * rotation.size_u_deg_per_h:
+    if abs(ratio - 1.0) * EARTH_RATE_DEG_PER_H <= DENIED_SIGMAS * rotation.size_u_deg_per_h:
         text = (
             f"By the gyros the latitude is {rotation.latitude_deg:.2f} deg (u = "
             f"{rotation.latitude_u_deg:.2g} deg), where {latitude_deg:g} deg is stated. Check its "
@@ -194,7 +195,7 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
     text = (
         f"At rest the gyros feel {rotation.size_deg_per_h:.4g} deg/h (u = "
         f"{rotation.size_u_deg_per_h:.2g} deg/h) where the earth turns at "
-        f"{EARTH_RATE_deg_per_h:.4g} deg/h: likely {cause}"
+        f"{EARTH_RATE_DEG_PER_H:.4g} deg/h: likely {cause}"
     )
     return contradiction("earth-rate", text, **details)
 

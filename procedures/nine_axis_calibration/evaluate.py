@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.constants import ARCMIN_PER_RAD
+from procedures.common.inputs import Declared, with_unstated
 from procedures.estimation.alignment import align, unwrapped
+from procedures.estimation.direction import latitude_input
 from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
 
+from .all_axes.budget import prior_rows, with_rows
 from .all_axes.reading import other_axes, pose
 from .all_axes.results import OtherResults, results_of
 from .all_axes.stands import OtherAxes, Turned
 from .analysis import analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
-from .from_import import dataset_of_import
+from .from_import import Conditions, dataset_of_import
 from .measuring import (
     ACCELEROMETER_BITS,
     ACCELEROMETERS,
@@ -42,8 +46,12 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 
-ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 PPM = 1e-6
+INPUTS: Declared = {
+    "time_scale": ("rate of the clock of the samples", "1"),
+    "encoder_angle_deg": ("angle of the table", "deg"),
+}
+"""What the results depend on, beside the priors and the latitude."""
 ARRIVAL = "arrival_time_s"
 POSITION, POSE, TURN = "position", "pose", "rate_deg_per_s"
 """What the event of a finished unit holds: its position, what points up, or the rate of its turns.
@@ -59,13 +67,19 @@ def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Be
 
     dataset, others = records_of_run(folder, parameters, bench)
     inputs = [*prior_inputs(dataset.prior, "the plan"), *bench_inputs(parameters, bench)]
+    u_arcmin = parameters.latitude_uncertainty_arcmin
+    latitude_rad = math.radians(dataset.latitude_deg)
+    inputs.append(latitude_input(latitude_rad, u_arcmin, "the plan"))
     return findings_with(dataset, others, settings(parameters), inputs)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; its type B inputs are the priors it names."""
     dataset, others = dataset_of_import(raw)
-    inputs = list(prior_inputs(dataset.prior, "the dataset's conditions"))
+    source = "the dataset's conditions"
+    inputs = with_unstated(prior_inputs(dataset.prior, source), INPUTS)
+    u_arcmin = raw.conditions(Conditions).latitude_uncertainty_arcmin
+    inputs.append(latitude_input(math.radians(dataset.latitude_deg), u_arcmin, source))
     return findings_with(dataset, others, None, inputs)
 
 
@@ -81,7 +95,9 @@ def findings_with(
     other_results = results_of(others)
     gyros = analyse(dataset, settings, inertial=other_results.inertial)
     analysis = replace(gyros, others=other_results)
-    return with_other_axes(findings_of(analysis, dataset, inputs), other_results)
+    findings = with_other_axes(findings_of(analysis, dataset, inputs), other_results)
+    estimates = with_rows([*findings.estimates], other_results)
+    return replace(findings, estimates=estimates, inputs=[*findings.inputs, *prior_rows(others)])
 
 
 def with_other_axes(findings: Findings, other_results: OtherResults) -> Findings:

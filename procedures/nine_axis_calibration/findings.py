@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
+from procedures.estimation.direction import LATITUDE
 from station.findings import Analysis, Estimate, Published, undetermined
 
 from .attitude import PAIRS, BiasSolution
@@ -94,7 +95,8 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
                 wider * float(bias.noise_u[axis]),
                 degrees,
                 "weighted",
-                {f"prior_{part}": wider * float(u[axis]) for part, u in bias.parts.items()},
+                {f"prior_{part}": wider * float(u[axis]) for part, u in bias.parts.items()}
+                | {LATITUDE: float(bias.by_latitude[axis])},
             )
         )
     return estimates

@@ -47,6 +47,7 @@ class Conditions(OtherConditions):
     """The conditions of a nine-axis dataset."""
 
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
+    latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     range_deg_per_s: Annotated[float, Unit("deg/s"), Field(gt=0)] | None = None
 
 

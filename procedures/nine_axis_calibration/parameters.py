@@ -137,6 +137,7 @@ class NineAxisParameters(StrictModel):
     """What the engineer chooses; positions and rates as published unless given otherwise."""
 
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-89, le=89)]
+    latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     positions: tuple[Annotated[int, Field(ge=1, le=3)], ...] = PUBLISHED_POSITIONS
     positioning: Literal["plate", "table"] = "plate"
     flip: bool = False

@@ -8,10 +8,11 @@ from itertools import combinations
 
 import numpy as np
 
+from procedures.common.constants import EARTH_RATE_DEG_PER_H
+
 from .dataset import Array
 from .settings import PoseLimits
 
-EARTH_RATE_deg_per_h = 15.041067
 """Sidereal rotation (WGS 84)."""
 
 EAST, NORTH, UP = np.eye(3)
@@ -36,7 +37,7 @@ SIGMAS = 6.0
 def earth_rate(latitude_deg: float) -> Array:
     """Return the rotation of the earth in deg/h, shape (3,), east, north, up."""
     latitude = np.radians(latitude_deg)
-    return np.array([0.0, np.cos(latitude), np.sin(latitude)]) * EARTH_RATE_deg_per_h
+    return np.array([0.0, np.cos(latitude), np.sin(latitude)]) * EARTH_RATE_DEG_PER_H
 
 
 def gravity_pattern(position: int) -> Array:

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 ARCMIN = np.pi / 10800.0
 LATITUDE_DEG = 39.9
-HORIZONTAL = 15.041067 * np.cos(np.radians(LATITUDE_DEG))
-VERTICAL = 15.041067 * np.sin(np.radians(LATITUDE_DEG))
+HORIZONTAL = 15.041 * np.cos(np.radians(LATITUDE_DEG))
+VERTICAL = 15.041 * np.sin(np.radians(LATITUDE_DEG))
 RATES = (1.0, 5.0, 10.0, 50.0, 100.0)
 PRIOR = Prior(10.0 * ARCMIN, 0.5 * ARCMIN, 0.5 * ARCMIN, 1e-4)
 BIAS = np.array([0.21, -0.12, 0.07])
@@ -119,7 +119,8 @@ def total_u(analysis: NineAxisAnalysis, name: str, axis: str) -> float:
     """Return an estimate's standard uncertainty, the parts of the priors included."""
     one = analysis.estimate(name, axis)
     assert one.standard_uncertainty is not None
-    parts = list(one.sensitivities.values()) if name == "bias" else []
+    parts = [size for part, size in one.sensitivities.items() if part.startswith("prior_")]
+    parts = parts if name == "bias" else []
     return float(np.hypot(one.standard_uncertainty, np.linalg.norm(parts)))
 
 

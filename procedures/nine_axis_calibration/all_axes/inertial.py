@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
+from procedures.estimation.shares import Shares
 from procedures.nine_axis_calibration.attitude import rotation
 from procedures.nine_axis_calibration.dataset import TurnRecord
 
 from .channels import Steps
 from .response import Response, response_of, with_nonlinearity
+from .sources import EDGE, MOUNTING, NOISE, SECOND_ORDER, TILT
 from .stands import Array, Mounted, OtherAxes, plane_across
 from .waves import at_rest, steps_at, waves_of, without_rate
 
@@ -37,7 +39,8 @@ UPRIGHT = 0.99
 @dataclass(frozen=True)
 class Orientation:
     """A direction that was felt: nominal `up` (3,), known to `u_rad`, mean force (3,) in g and u,
-    NaN of an axis that felt nothing; of a mounting what the gyros read of its turns."""
+    NaN of an axis that felt nothing; of a mounting what the gyros read of its turns. `source` is
+    the prior that says how well `up` is known."""
 
     name: str
     up: Array
@@ -45,6 +48,7 @@ class Orientation:
     force_g: Array
     force_u: Array
     response: Response | None = None
+    source: str = TILT
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,7 @@ class Inertial:
     second_order: bool
     gyros: bool
     wider: float
+    shares: Shares
 
     @property
     def up_covariance(self) -> Array:
@@ -118,7 +123,13 @@ def orientations_of(data: OtherAxes) -> tuple[tuple[Orientation, ...], Steps]:
     """Return every direction that the sensor stood in, and the steps of the accelerometers."""
     steps = steps_at(data, "acceleration_g")
     orientations = [
-        Orientation(rest.name, rest.up, rest.u_rad, *at_rest(rest.acceleration_g, steps))
+        Orientation(
+            rest.name,
+            rest.up,
+            rest.u_rad,
+            *at_rest(rest.acceleration_g, steps),
+            source=_source(rest.up, TILT),
+        )
         for rest in data.rests
     ]
     orientations += [_orientation_of_mounting(mounting, steps) for mounting in data.mountings]
@@ -137,7 +148,13 @@ def _orientation_of_mounting(mounting: Mounted, steps: Steps) -> Orientation:
     waves = waves_of(mounting, samples)
     force, u = without_rate(mounting, waves, 3, steps)
     response = response_of(waves) if np.isfinite(u).any() else None
-    return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response)
+    source = _source(mounting.up, MOUNTING)
+    return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response, source)
+
+
+def _source(up: Array, one_axis: str) -> str:
+    """Return which prior says how well a direction is known: another one between axes."""
+    return one_axis if np.count_nonzero(np.abs(up) > UPRIGHT) == 1 else EDGE
 
 
 def _or_none(samples: Array | None, turn: TurnRecord) -> Array:
@@ -198,6 +215,7 @@ def solve_inertial(orientations: Sequence[Orientation], data: OtherAxes) -> Iner
     jacobian = _jacobian(residuals, fit.x)
     covariance = np.zeros((len(state), len(state)))
     covariance[np.ix_(free, free)] = np.linalg.pinv(jacobian.T @ jacobian) * wider**2
+    by_row = covariance[:, free] @ jacobian.T / wider
     up = _directions(whole, orientations, across)
     by_state = _jacobian(lambda x: _directions(x, orientations, across).ravel(), whole)
     return Inertial(
@@ -210,7 +228,16 @@ def solve_inertial(orientations: Sequence[Orientation], data: OtherAxes) -> Iner
         second,
         gyros,
         wider,
+        Shares(by_row, _sources(orientations, second_u, len(fit.fun))),
     )
+
+
+def _sources(orientations: Sequence[Orientation], second_u: float | None, count: int) -> list[str]:
+    """Return what each residual is of, in the order of `_residuals`."""
+    felt = sum(int(np.isfinite(orientation.force_u).sum()) for orientation in orientations)
+    leans = [orientation.source for orientation in orientations for _ in range(2)]
+    sources = [NOISE] * felt + leans + [SECOND_ORDER] * (3 if second_u else 0)
+    return sources + [NOISE] * (count - len(sources))
 
 
 def _free(state: Array, second_u: float | None, *, gyros: bool) -> NDArray[np.bool_]:

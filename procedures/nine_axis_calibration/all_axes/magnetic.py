@@ -18,8 +18,11 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc, fdtrc
 
+from procedures.estimation.shares import Shares
+
 from .channels import Steps
 from .inertial import SURE, Inertial
+from .sources import DIRECTIONS, FIELD, INCLINATION, NOISE, TILT
 from .stands import Array, Mounted, OtherAxes, Rest, plane_across
 from .waves import WHITE, Wave, at_rest, steps_at, waves_of
 
@@ -77,6 +80,7 @@ class Magnetic:
     delay_s: Array
     platform_nT: Array
     stands_left_out: bool
+    shares: Shares
 
     def determines(self, slope: Array) -> bool:
         """Whether a result with these derivatives (12,) by offset and gain is determined."""
@@ -95,6 +99,7 @@ class _Fit:
     state: Array
     free: NDArray[np.bool_]
     normal: Array
+    jacobian: Array
     square: float
     freedom: int
 
@@ -238,6 +243,7 @@ def solve_magnetic(
     size_nT = model.size_nT
     units = np.concatenate((np.full(3, size_nT), np.ones(9)))
     field = slice(0, RESULTS)
+    by_row = units[:, None] * (covariance[field][:, fit.free] @ fit.jacobian.T)
     return Magnetic(
         fit.state[O] * size_nT,
         fit.state[A].reshape(3, 3),
@@ -251,6 +257,7 @@ def solve_magnetic(
         delay_s,
         fit.state[PLATFORM] * size_nT,
         stands_left_out,
+        Shares(by_row, seen.sources(len(fit.jacobian))),
     )
 
 
@@ -289,6 +296,14 @@ class _Model:
     roots: Array
     data: OtherAxes
     size_nT: float
+
+    def sources(self, count: int) -> list[str]:
+        """Return what each of `count` residuals is of, in the order of `_residuals`."""
+        stated = [FIELD] if self.data.field_nT is not None else [NOISE]
+        stated += [INCLINATION] if self.data.inclination_rad is not None else []
+        sources = [DIRECTIONS] * (2 * len(self.felt)) + [TILT]
+        sources += [NOISE] * int(self.there.sum()) + stated
+        return sources + [NOISE] * (count - len(sources))
 
     @property
     def turns(self) -> list[Felt]:
@@ -329,7 +344,7 @@ class _Model:
         )
         whole = state.copy()
         whole[free] = fit.x
-        done = _Fit(whole, free, fit.jac.T @ fit.jac, 2.0 * float(fit.cost), 0)
+        done = _Fit(whole, free, fit.jac.T @ fit.jac, fit.jac, 2.0 * float(fit.cost), 0)
         return replace(done, freedom=len(_residuals(whole, self)) - done.rank)
 
     def wandering(self, fit: _Fit) -> tuple[float, _Fit]:

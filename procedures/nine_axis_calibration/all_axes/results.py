@@ -186,23 +186,28 @@ def _in_earths_field(inertial: Inertial | None, magnetic: Magnetic | None) -> It
             axes, unit = UNITS[name]
             yield from (undetermined(name, axis, unit, METHOD) for axis in axes)
         return
-    gain, slopes = magnetic.gain, list[tuple[str, str, float, float, Array]]()
-    for n, axis in enumerate(AXES):
-        slopes.append((IN_MAGNETOMETER[0], axis, magnetic.offset_nT[n], 1.0, np.eye(12)[n]))
-    for n, axis in enumerate(AXES):
-        slopes.append((SCALE, axis, gain[n, n], 1.0, np.eye(12)[3 + 4 * n]))
-    for axis, (i, j) in zip(NAMES, PAIRS, strict=True):
-        slope = np.zeros(12)
-        slope[3 + 3 * i + j] = 1.0 / gain[i, i]
-        slope[3 + 4 * i] = -gain[i, j] / gain[i, i] ** 2
-        slopes.append((IN_MAGNETOMETER[2], axis, gain[i, j] / gain[i, i], ARCSEC_PER_RAD, slope))
-    for name, axis, value, factor, slope in slopes:
+    for name, axis, value, factor, slope in slopes_of(magnetic):
         u = float(np.sqrt(slope @ magnetic.covariance @ slope))
         extra = frame if name == IN_MAGNETOMETER[2] else None
         if magnetic.determines(slope):
             yield _estimate(name, axis, value, u, factor, extra, freedom=magnetic.freedom)
         else:
             yield undetermined(name, axis, UNITS[name][1], METHOD)
+
+
+def slopes_of(magnetic: Magnetic) -> Iterator[tuple[str, str, float, float, Array]]:
+    """Yield name and axis of each result, its value, the factor to its unit, and its derivatives
+    (12,) by offset and gain."""
+    gain = magnetic.gain
+    for n, axis in enumerate(AXES):
+        yield IN_MAGNETOMETER[0], axis, magnetic.offset_nT[n], 1.0, np.eye(12)[n]
+    for n, axis in enumerate(AXES):
+        yield SCALE, axis, gain[n, n], 1.0, np.eye(12)[3 + 4 * n]
+    for axis, (i, j) in zip(NAMES, PAIRS, strict=True):
+        slope = np.zeros(12)
+        slope[3 + 3 * i + j] = 1.0 / gain[i, i]
+        slope[3 + 4 * i] = -gain[i, j] / gain[i, i] ** 2
+        yield IN_MAGNETOMETER[2], axis, gain[i, j] / gain[i, i], ARCSEC_PER_RAD, slope
 
 
 def _estimate(
@@ -302,7 +307,8 @@ def _implausible(estimates: Sequence[Estimate]) -> Iterator[Flag]:
 
 def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
     about = "local gravity"
-    yield InputQuantity(GRAVITY, about, data.gravity_u_g, "g", data.source)
+    u_g, value = data.gravity_u_g, data.gravity_g
+    yield InputQuantity.if_stated(GRAVITY, about, u_g, "g", data.source, value=value)
     if data.coil is not None:
         yield from coil_inputs(data.coil, data.source)
 

@@ -166,6 +166,23 @@ def test_an_imported_folder_gives_all_nine_axes(folder: Path) -> None:
     assert {"six-position", "min-max", "ellipsoid"} <= methods
 
 
+def test_priors_of_the_other_six_axes_have_rows_that_add_to_their_uncertainty(folder: Path) -> None:
+    findings = findings_of_dataset(read_dataset(folder))
+    whole = {(one.name, one.axis): one for one in findings.detail.analysis.others.estimates}
+    document = conclude("nine-axis-calibration", findings, {}, "simple")
+    for key, wanted in {
+        ("accelerometer_bias", "X"): {"prior_tilt"},
+        ("boresight", "Z"): {"prior_tilt", "prior_mounting"},
+        ("magnetometer_misalignment", "XY"): {"prior_directions", "prior_tilt"},
+    }.items():
+        result = document.result(*key)
+        rows = {line.quantity for line in result.budget if line.contribution > 0.0}
+        assert {"repeatability", *wanted} <= rows
+        assert result.combined is not None
+        u = whole[key].standard_uncertainty
+        assert result.combined.standard_uncertainty == pytest.approx(u, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("file", "change", "named"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -81,6 +82,25 @@ def test_the_priors_of_the_dataset_are_in_the_budget() -> None:
     bias = next(one for one in document.results if one.estimate.name == "bias")
     said = [line.description for line in bias.budget if line.kind == "B"]
     assert any("heading of the plate, 10 arcmin" in line for line in said)
+
+
+def test_the_latitude_moves_the_biases_by_its_row_of_the_budget(tmp_path: Path) -> None:
+    place = copy_of(tmp_path)
+    path = place / "dataset.yaml"
+    told = path.read_text(encoding="utf-8")
+    stated = told.replace(
+        "latitude: 39.9 deg", "latitude: 39.91 deg\n  latitude_uncertainty: 1 arcmin"
+    )
+    path.write_text(stated, encoding="utf-8")
+    for axis in "XYZ":
+        nominal, moved = (analysed(folder).result("bias", axis) for folder in (DATA, place))
+        rows = [
+            {line.quantity: line for line in one.budget}["latitude"] for one in (nominal, moved)
+        ]
+        assert (rows[0].standard_uncertainty, rows[0].source) == (None, "not stated")
+        assert rows[1].contribution == pytest.approx(abs(rows[0].sensitivity) / 3437.75, rel=1e-2)
+        off = (moved.estimate.value or 0.0) - (nominal.estimate.value or 0.0)
+        assert off == pytest.approx(rows[0].sensitivity * math.radians(0.01), rel=1e-2)
 
 
 def test_all_three_gyros_may_be_recorded_on_the_table(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from nine_axis_stands import FACES, Bench, truth_of
 from nine_axis_stands import write as write_stands
 from numpy.typing import NDArray
 
-from campaigns.planted.judging import Fault, Made
+from campaigns.planted.judging import Fault, Key, Made
 from procedures.nine_axis_calibration.all_axes.stands import Mounted, OtherAxes, Rest, Turned
 
 Array = NDArray[Any]
@@ -45,7 +45,7 @@ def clean(seed: int, kind: int | None = None) -> tuple[OtherAxes, Bench]:
 
 def made(data: OtherAxes, bench: Bench) -> Made:
     """Return the data as a folder, with the truth of the six other axes."""
-    truth = {
+    truth: dict[Key, float] = {
         (name, axis, None): value
         for (name, axis), value in truth_of(bench.sensor).items()
         if name != "scale_factor"
@@ -64,7 +64,8 @@ def at_rest(what: str, change: Change, names: Sequence[str] = ()) -> Spoil:
     def spoilt(rest: Rest) -> Rest:
         if names and rest.name.removeprefix("pose ") not in names:
             return rest
-        return replace(rest, **{what: change(getattr(rest, what).copy())})
+        samples: dict[str, Any] = {what: change(getattr(rest, what).copy())}
+        return replace(rest, **samples)
 
     return lambda data: replace(data, rests=tuple(map(spoilt, data.rests)))
 
@@ -73,7 +74,8 @@ def turning(what: str, change: Change, words: Sequence[str] = ()) -> Spoil:
     """Return the fault of samples (n, 3) on the table, in some mountings or all."""
 
     def spoilt(record: Turned) -> Turned:
-        return replace(record, **{what: change(getattr(record, what).copy())})
+        samples: dict[str, Any] = {what: change(getattr(record, what).copy())}
+        return replace(record, **samples)
 
     def of(mounting: Mounted) -> Mounted:
         if words and mounting.name.removeprefix("mounting ") not in words:
@@ -274,6 +276,6 @@ FAULTS = (
 )
 # fmt: on
 CLEAN = tuple(
-    lambda seed, kind=kind: made(*clean(seed, kind))  # type: ignore[misc]
+    lambda seed, kind=kind: made(*clean(seed, kind))
     for kind in range(len(KINDS))
 )
