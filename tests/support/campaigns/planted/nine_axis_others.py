@@ -275,7 +275,4 @@ FAULTS = (
         detectable=False),
 )
 # fmt: on
-CLEAN = tuple(
-    lambda seed, kind=kind: made(*clean(seed, kind))
-    for kind in range(len(KINDS))
-)
+CLEAN = tuple(lambda seed, kind=kind: made(*clean(seed, kind)) for kind in range(len(KINDS)))
