@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.measured import Measured, root
 
-from .dataset import PPM, SECONDS_PER_HOUR, Array
+from .dataset import PPM, Array
 from .joint_fit import JointFit
 
 AGREE = 1e-3

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from .dataset import SECONDS_PER_HOUR, Array
+from procedures.common.constants import SECONDS_PER_HOUR
+
+from .dataset import Array
 from .noise import Within
 from .screening import Kept
 
