@@ -71,11 +71,11 @@ def mounting_inputs(
     """
     about = "input axis along the table's"
     if alignment_arcmin:
-        about += f" within {alignment_arcmin:g} arcmin"
+        about = f"input axis along the table's within {alignment_arcmin:g} arcmin"
     u = cosine_u(alignment_arcmin / ARCMIN_PER_RAD)
     yield InputQuantity.if_stated("alignment", about, u, "1", source)
     about = "table's axis vertical"
     if level_arcmin:
-        about += f" within {level_arcmin:g} arcmin"
+        about = f"table's axis vertical within {level_arcmin:g} arcmin"
     u = level_arcmin / ARCMIN_PER_RAD
     yield InputQuantity.if_stated("level", about, u, "rad", source)
