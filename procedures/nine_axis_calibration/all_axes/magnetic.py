@@ -361,12 +361,12 @@ class _Model:
 
     @property
     def _noise_nT(self) -> float:
-        return max(float(np.sqrt(np.max(np.diag(one.covariance)[:3]))) for one in self.felt)
+        return max(float(np.sqrt(np.max(np.diag(row.covariance)[:3]))) for row in self.felt)
 
     def _with(self, wander_nT: float) -> _Model:
         """Return the model of records that each have a variance more."""
         felt = [
-            replace(one, covariance=one.covariance + wander_nT**2 * np.eye(9)) for one in self.felt
+            replace(row, covariance=row.covariance + wander_nT**2 * np.eye(9)) for row in self.felt
         ]
         return replace(self, felt=felt, roots=_roots(felt))
 
