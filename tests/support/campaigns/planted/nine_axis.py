@@ -457,6 +457,9 @@ NAMED: Sequence[tuple[str, int, str]] = (
 # fmt: off
 ROWS: Sequence[Row] = (
     *(of_fault(FAULTS, *one) for one in NAMED),
+    of_fault(FAULTS, "all axes: magnetometer clipped at 25 uT", 2, "saturated", below_u=4.0),
+    of_fault(FAULTS, "all axes: field of the motor, 500 nT at 100 deg/s", 2, "field-disturbed",
+        below_u=4.0),
     of_fault(FAULTS, "southern latitude", 0, "contradicts-statement",
         details={"statement": "latitude", "latitude_deg": (39.9, 1.0)}, null="bias"),
     of_fault(FAULTS, "encoder graduation 0.01 deg", 0, "misfit",
