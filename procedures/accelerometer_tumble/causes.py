@@ -18,6 +18,9 @@ from procedures.estimation.alternatives import (
 from .dataset import Mask, TumbleDataset
 from .model import Array
 
+FINER = 21
+"""Periods of a line that are tried beside the best one: positions repeat, and a line beside their
+period moves coefficients."""
 HARMONICS = (3, 4, 5, 6)
 """The encoder's first and second have priors of their own."""
 SHAPE = (
@@ -124,7 +127,7 @@ def scores_of(
         return best
 
     def lines(design: Array, left: Array, inside: Mask) -> list[tuple[float, Alternative]]:
-        rated = strongest_line(dataset.time_s, design, left, inside, "V")
+        rated = strongest_line(dataset.time_s, design, left, inside, "V", FINER)
         return [(gain, replace(line, sentence=PERIODIC)) for gain, line in rated]
 
     return scores(design, data, inside, known, (steps, lines))

@@ -39,8 +39,6 @@ BESIDE_STEP = 3
 """Rows before a step, and after it."""
 MAX_ROWS = 2000
 """No line is looked for in a longer record: memory grows with the square."""
-FINER = 21
-"""Periods that are tried between two of half a turn more in the record."""
 SLOWEST_CYCLES = 4.5
 """What is slower in the record is drift."""
 
@@ -207,9 +205,12 @@ def strongest_step(
 
 
 def strongest_line(
-    time_s: Array, design: Array, residual: Array, inside: Mask, unit: str
+    time_s: Array, design: Array, residual: Array, inside: Mask, unit: str, finer: int = 1
 ) -> list[tuple[float, Alternative]]:
-    """Return the strongest line in what a solution left, none where rows are too few."""
+    """Return the strongest line in what a solution left, none where rows are too few.
+
+    Of `finer` periods about the best one: an odd number.
+    """
     count = len(time_s)
     inside, residual = inside[:count], residual[:count]
     spacing_s = float(np.median(np.diff(time_s)))
@@ -233,7 +234,7 @@ def strongest_line(
         return np.where(determined, falls, 0.0), waves
 
     best = int(np.argmax(gains_at(cycles)[0]))
-    finer = cycles[best] + np.linspace(-0.5, 0.5, FINER) / span
+    finer = cycles[best] + (np.linspace(-0.5, 0.5, finer) if finer > 1 else np.zeros(1)) / span
     gains, waves = gains_at(finer)
     top = int(np.argmax(gains))
     if gains[top] <= 0.0:

@@ -22,6 +22,7 @@ from station.findings import Flag
 
 from .flags import counted, frozen
 from .frozen import CHANCE_OF_ROWS, IN_A_ROW, equal_runs, repeated_rows, stuck_rows
+from .frozen import frozen as frozen_readings
 from .linear import MAD_TO_SIGMA, robust_sigma
 from .recorder import MANY, resolution, visits
 
@@ -261,6 +262,8 @@ def _slow(
         longest = max(longest, math.ceil(often / -math.log(equal)) if equal < 1.0 else len(values))
     starts, lengths = equal_runs(values)
     still = np.repeat(lengths >= longest, lengths)
+    if noise == 0.0:
+        still |= frozen_readings(values)  # most of them may be, and hide the noise of the others
     copied = still & False
     if noise > 0.5 * step:
         copied = _copied(values, step, ~still)
@@ -280,7 +283,7 @@ def _slow(
         if not (held.any() or fresh.any()):
             break
     limits = values[~wild].min(), values[~wild].max()
-    saturated = still & np.isin(values, limits)
+    saturated = still & np.isin(values, limits) & (limits[0] < limits[1])
     return still & ~saturated, copied, saturated, wild, jump
 
 
