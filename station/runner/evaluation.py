@@ -21,7 +21,6 @@ from station.errors import (
     EXIT_UNDETERMINED,
     InputError,
     MissingRows,
-    place_of,
 )
 from station.files.faults import FaultList, not_there
 from station.findings import Findings, Flag
@@ -86,8 +85,8 @@ def evaluate_run(
         )
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(
-            f"{folder.path}: the analysis finds no solution in the data of this run "
-            f"({error}{place_of(error)}); look at them with `station export`"
+            f"{folder.path}: the analysis finds no solution in the data of this run; look at "
+            "them with `station export`"
         ) from error
     return document, findings
 
@@ -313,9 +312,8 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
             return conclude(raw.procedure, findings, {}, "simple"), findings
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(
-            f"{raw.document.path}: the analysis finds no solution in these numbers "
-            f"({error}{place_of(error)}); look for columns that never change, that repeat "
-            "each other, or that have another unit"
+            f"{raw.document.path}: the analysis finds no solution in these numbers; look for "
+            "columns that never change, that repeat each other, or that have another unit"
         ) from error
 
 
