@@ -138,13 +138,13 @@ def statement_flags(
         if scale is None or bool(plausible(np.array([scale, *gains])).all()):
             continue
         worst = float(gains[np.argmax(np.abs(gains - 1.0))]) if len(gains) else scale
-        likely = [
-            text for text, ratio in UNITS.items() if abs(worst - ratio) <= LIKE * max(abs(ratio), 1)
-        ]
+        near = {text: abs(worst - ratio) / max(abs(ratio), 1) for text, ratio in UNITS.items()}
+        likely = sorted((text for text in near if near[text] <= LIKE), key=near.__getitem__)
+        what = likely[0] if likely else "has another unit, sign or axis"
         text = (
-            f"Gyro {AXES[axis]} answers {worst:.4g} of the table's rate, but its output is stated "
-            f"in deg/s: likely it {likely[0] if likely else 'has another unit, sign or axis'} in "
-            "some record or in all. Correct the column and analyse again."
+            f"Gyro {AXES[axis]} answers {worst + 0.0:.4g} of the table's rate, but its output is "
+            f"stated in deg/s: likely it {what} in some record or in all. Correct the column "
+            "and analyse again."
         )
         flags.append(contradiction("rate_deg_per_s", text, AXES[axis], ratio=worst))
     return flags

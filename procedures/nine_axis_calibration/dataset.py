@@ -163,7 +163,9 @@ def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]
     A stretch of ten samples that was there before, a value that stands still or a copy from
     elsewhere, measured nothing. Of a gyro's record that mostly repeats nothing counts.
     """
-    still, at_rest = _without_repeats([record.rate_deg_per_h for record in dataset.static])
+    still, at_rest = _without_repeats(
+        [record.rate_deg_per_h for record in dataset.static], dead=False
+    )
     sensed, also = _without_repeats([record.acceleration_g for record in dataset.static], most=1.0)
     axes = [record.axis for record in dataset.turns]
     spun, turning = _without_repeats([record.rate_deg_per_s for record in dataset.turns], axes)
@@ -179,12 +181,17 @@ def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]
 
 
 def _without_repeats(
-    records: Sequence[Array], sorts: Sequence[int] = (), most: float = MOSTLY
+    records: Sequence[Array],
+    sorts: Sequence[int] = (),
+    most: float = MOSTLY,
+    *,
+    dead: bool = True,
 ) -> tuple[list[Array], int]:
     """Return records (n, 3) with NaN in the place of repeats, and how many samples hold one.
 
     A channel that is so coarse that its neighbours often are alike is left as it is; that is judged
-    by the records of one of the `sorts`.
+    by the records of one of the `sorts`. With `dead`, one that has a single value in all of them,
+    though the sensor was turned between them, counts as repeats.
     """
     sorts = sorts or [0] * len(records)
     fine = {
@@ -200,8 +207,26 @@ def _without_repeats(
     again = repeated_windows([records[n][:, c] for n, c in places])
     for (n, c), own in zip(places, again, strict=True):
         repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
-        copies[n][repeated[n][:, c], c] = np.nan
+    for sort in set(sorts) if dead else ():
+        own_places = [n for n, other in enumerate(sorts) if other == sort]
+        for channel in np.flatnonzero(_dead([records[n] for n in own_places])).tolist():
+            for n in own_places:
+                repeated[n][:, channel] = np.isfinite(records[n][:, channel])
+    for copy, own in zip(copies, repeated, strict=True):
+        copy[own] = np.nan
     return copies, sum(int(repeats.any(axis=1).sum()) for repeats in repeated)
+
+
+def _dead(records: Sequence[Array]) -> Mask:
+    """Return which channels (3,) have one value alone in ten and more samples of two records."""
+    if len(records) < 2:
+        return np.zeros(3, dtype=bool)
+    together = np.vstack(records)
+    finite = np.isfinite(together)
+    many = finite.sum(axis=0) >= IN_A_ROW
+    highest = np.max(together, axis=0, initial=-np.inf, where=finite)
+    lowest = np.min(together, axis=0, initial=np.inf, where=finite)
+    return np.asarray(many & (highest == lowest))
 
 
 def _usually_new(columns: Sequence[Array]) -> float:

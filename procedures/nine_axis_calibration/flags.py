@@ -279,8 +279,8 @@ def _undetermined(estimates: Sequence[Estimate], published: Sequence[Published])
     ]
     if cross:
         cross_text = (
-            f"The misalignments {', '.join(cross)} are not determined: only the turned axis was "
-            "recorded there."
+            f"The misalignments {', '.join(cross)} are not determined: the other gyros were not "
+            "recorded there, or their output never changed."
         )
         names = [f"{MISALIGNMENT} {axis}" for axis in cross]
         flags.append(not_identifiable(cross_text, names, count=len(names)))

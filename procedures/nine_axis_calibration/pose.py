@@ -144,6 +144,8 @@ def check_together(
         why = ""
         if n not in upright:
             why = f"the accelerometers are {off_g[n]:.3g} g off"
+            if not np.isfinite(off_g[n]):
+                why = "an accelerometer or a gyro gives nothing there"
         elif n not in kept:
             why = f"its gyro means are {left:.3g} deg/h off those of the others"
         stands_as = (

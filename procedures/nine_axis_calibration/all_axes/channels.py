@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from procedures.estimation.flags import counted
-from procedures.nine_axis_calibration.dataset import AXES, Mask
+from procedures.estimation.flags import counted, frozen
+from procedures.estimation.frozen import IN_A_SHORT_RECORD
+from procedures.nine_axis_calibration.dataset import ALWAYS_NEW, AXES, Mask
 from procedures.nine_axis_calibration.means import (
     good_samples,
     rounding_u,
@@ -31,6 +32,8 @@ SAME_STEP = 0.1
 """Of a quiet channel the nearest two records are ten steps apart at most."""
 ACCELEROMETER, MAGNETOMETER = "accelerometer", "magnetometer"
 UNITS = {ACCELEROMETER: "g", MAGNETOMETER: "nT"}
+
+Named = dict[tuple[str, int], Array]
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,45 @@ def without_clipped(data: OtherAxes) -> tuple[OtherAxes, tuple[Clipped, ...]]:
     fields, field = _screened(MAGNETOMETER, _fields(data), None)
     if not forces and not fields:
         return data, ()
+    return _with(data, force, field), (*forces, *fields)
+
+
+def without_stuck(data: OtherAxes) -> tuple[OtherAxes, tuple[Flag, ...]]:
+    """Return the data with NaN for an axis of a record that stood still, and the flags of it.
+
+    A record is that if it has a single value in five samples and more, where the same axis changes
+    from sample to sample in others.
+    """
+    force, stuck = _unstuck(ACCELEROMETER, _forces(data))
+    field, also = _unstuck(MAGNETOMETER, _fields(data))
+    flags = (*stuck, *also)
+    return (_with(data, force, field) if flags else data), flags
+
+
+def _unstuck(sensor: str, records: Named) -> tuple[Named, list[Flag]]:
+    """Return the records without axes that stood still, and a flag for each such axis."""
+    cleared, flags = dict(records), []
+    for axis in range(3):
+        columns = {name: _finite(samples[:, axis]) for name, samples in records.items()}
+        columns = {name: own for name, own in columns.items() if len(own) >= IN_A_SHORT_RECORD}
+        stuck = [name for name, own in columns.items() if float(np.ptp(own)) == 0.0]
+        others = [_moving(own) for name, own in columns.items() if name not in stuck]
+        if not stuck or not others or float(np.median(others)) <= ALWAYS_NEW:
+            continue
+        for name in stuck:
+            cleared[name] = cleared[name].copy()
+            cleared[name][:, axis] = np.nan
+        where = ", ".join(dict.fromkeys(name for name, _ in stuck))
+        count = sum(len(columns[name]) for name in stuck)
+        then = f"It is left out of the records of {where}."
+        details = {"count": count, "sensor": sensor}
+        reading, extent = f"The output of the {sensor} {AXES[axis]}", counted(count, "sample")
+        flags.append(frozen(reading, extent, "the sensor", then, details, AXES[axis]))
+    return cleared, flags
+
+
+def _with(data: OtherAxes, force: Named, field: Named) -> OtherAxes:
+    """Return the data with other samples in the place of its own."""
     rests = tuple(
         replace(
             rest,
@@ -131,10 +173,7 @@ def without_clipped(data: OtherAxes) -> tuple[OtherAxes, tuple[Clipped, ...]]:
         )
         for mounting in data.mountings
     )
-    return replace(data, rests=rests, mountings=mountings), (*forces, *fields)
-
-
-Named = dict[tuple[str, int], Array]
+    return replace(data, rests=rests, mountings=mountings)
 
 
 def _forces(data: OtherAxes) -> Named:

@@ -18,6 +18,7 @@ from scipy.special import chdtrc
 from procedures.estimation.shares import Shares
 from procedures.nine_axis_calibration.attitude import rotation
 from procedures.nine_axis_calibration.dataset import TurnRecord
+from procedures.nine_axis_calibration.means import rounding_u
 
 from .channels import Steps
 from .response import Response, response_of, with_nonlinearity
@@ -71,6 +72,18 @@ class Inertial:
     gyros: bool
     wider: float
     shares: Shares
+
+    @property
+    def turned(self) -> tuple[bool, bool, bool]:
+        """Whether each gyro answered the turns about all three axes."""
+        about: dict[int, list[Array]] = {0: [], 1: [], 2: []}
+        for orientation in self.orientations:
+            if orientation.response is not None:
+                axis = int(np.argmax(np.abs(orientation.up)))
+                about[axis].append(np.isfinite(orientation.response.gain_u))
+        seen = [np.any(own, axis=0) if own else np.zeros(3, dtype=bool) for own in about.values()]
+        x, y, z = np.all(seen, axis=0).tolist()
+        return x, y, z
 
     @property
     def up_covariance(self) -> Array:
@@ -145,9 +158,18 @@ def _orientation_of_mounting(mounting: Mounted, steps: Steps) -> Orientation:
         np.column_stack((record.turn.rate_deg_per_s, _or_none(record.acceleration_g, record.turn)))
         for record in mounting.records
     ]
+    rounding = np.zeros(3)
     waves = waves_of(mounting, samples)
+    for gyro in range(3):
+        columns = [own[np.isfinite(own[:, gyro]), gyro] for own in samples]
+        values = np.concatenate([*columns, np.zeros(0)])
+        if not len(values) or float(np.ptp(values)) == 0.0:
+            rounding[gyro] = np.nan  # What never changes has measured nothing of the turns.
+            continue
+        noise = [wave.sigma[gyro] ** 2 for wave in waves if np.isfinite(wave.sigma[gyro])]
+        rounding[gyro] = rounding_u(columns, float(np.mean(noise))) if noise else np.nan
     force, u = without_rate(mounting, waves, 3, steps)
-    response = response_of(waves) if np.isfinite(u).any() else None
+    response = response_of(waves, rounding) if np.isfinite(u).any() else None
     source = _source(mounting.up, MOUNTING)
     return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response, source)
 

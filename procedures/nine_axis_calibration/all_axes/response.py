@@ -32,16 +32,18 @@ class Response:
     nonlinearity: Array
 
 
-def response_of(waves: Sequence[Wave]) -> Response | None:
+def response_of(waves: Sequence[Wave], rounding: Array) -> Response | None:
     """Return the gyros' response; None where the mounting was not turned in both senses.
 
-    What grows with the magnitude of the rate, an asymmetry, is free.
+    What grows with the magnitude of the rate, an asymmetry, is free. `rounding` (3,) is what the
+    steps of the gyros' outputs leave in each mean, NaN of a gyro that never changes.
     """
     rate = np.degrees(np.array([wave.rate_rad_per_s for wave in waves]))
     if not (bool((rate > 0.0).any()) and bool((rate < 0.0).any())):
         return None
     mean = np.array([wave.value[0, :3] for wave in waves])
-    size = _alike(rate, np.array([wave.sigma[:3] * np.sqrt(wave.inverse[0, 0]) for wave in waves]))
+    noise = np.array([wave.sigma[:3] * np.sqrt(wave.inverse[0, 0]) for wave in waves])
+    size = _alike(rate, np.hypot(noise, rounding))
     gain, u, bent = np.full(3, np.nan), np.full(3, np.nan), np.full(3, np.nan)
     free = len(np.unique(np.round(np.abs(rate), 1))) > 1
     columns = np.column_stack([rate, np.ones(len(rate)), *([np.abs(rate)] if free else [])])

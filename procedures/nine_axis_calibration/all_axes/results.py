@@ -11,7 +11,14 @@ import numpy as np
 from procedures.nine_axis_calibration.dataset import AXES
 from station.findings import Estimate, Flag, InputQuantity, Published, undetermined
 
-from .channels import ACCELEROMETER, MAGNETOMETER, clipped_flags, coarse_flags, without_clipped
+from .channels import (
+    ACCELEROMETER,
+    MAGNETOMETER,
+    clipped_flags,
+    coarse_flags,
+    without_clipped,
+    without_stuck,
+)
 from .coil import InCoil, coil_inputs, estimates_in_coil, solve_coil
 from .inertial import (
     CROSS,
@@ -79,6 +86,7 @@ def results_of(data: OtherAxes) -> OtherResults:
     """Return results, flags and inputs of the other six axes. Raises nothing for poor data."""
     recorded = data
     data, clipped = without_clipped(data)
+    data, stuck = without_stuck(data)
     orientations, force_steps = orientations_of(data)
     felt, delay_s, field_steps = felt_of(data)
     inertial = solve_inertial(orientations, data)
@@ -86,7 +94,11 @@ def results_of(data: OtherAxes) -> OtherResults:
     coil = solve_coil(data.coil) if data.coil is not None else None
     estimates: list[Estimate] = []
     flags: list[Flag] = []
-    if clipped or any(np.isfinite(orientation.force_u).any() for orientation in orientations):
+    if (
+        clipped
+        or stuck
+        or any(np.isfinite(orientation.force_u).any() for orientation in orientations)
+    ):
         estimates += _of_accelerometers(data, inertial)
     if felt or data.coil is not None or any(c.sensor == MAGNETOMETER for c in clipped):
         estimates += _of_magnetometer(inertial, magnetic, coil)
@@ -94,6 +106,7 @@ def results_of(data: OtherAxes) -> OtherResults:
     if lacking:
         flags.append(_not_identifiable(lacking))
     flags += clipped_flags(clipped)
+    flags += stuck
     flags += coarse_flags(ACCELEROMETER, force_steps)
     flags += coarse_flags(MAGNETOMETER, field_steps)
     flags += _doubts(inertial, magnetic, coil)
@@ -155,7 +168,9 @@ def _misalignment(inertial: Inertial) -> tuple[Estimate, ...]:
     state, u = inertial.state[own], np.sqrt(np.diag(inertial.covariance))[own]
     return tuple(
         _estimate("misalignment", axis, value, size, ARCSEC_PER_RAD, ACCELEROMETERS)
-        for axis, value, size in zip(NAMES, state, u, strict=True)
+        if inertial.turned[gyro]
+        else undetermined("misalignment", axis, "arcsec", METHOD)
+        for axis, (gyro, _), value, size in zip(NAMES, PAIRS, state, u, strict=True)
     )
 
 
