@@ -62,6 +62,8 @@ MAX_PART = 0.3
 IN_A_ROW = 0.005
 """Of an interval: what rows that are means leave unknown of the corners of a ramp."""
 MIN_RANGE = 2.0
+MOVED_DEGC = 10.0
+"""A chamber does not move by so much while its set-point stands."""
 
 
 def chamber_lag(
@@ -145,7 +147,7 @@ def thermometers_of(dataset: TemperatureDataset) -> Thermometers:
     free: Mask = maximum_filter1d(stepped.astype(np.uint8), SETTLING_ROWS, origin=-9) > 0
     air = _channel("the chamber's thermometer", "the set-point")
     screened, chamber, u_degC = _mended(air, placed(dataset.chamber_degC), free)
-    raised = flags([screened])
+    raised = flags([screened]) + _standing(set_point, chamber[screened.good])
     chamber = _filled(chamber, screened.good, set_point)
     refusals = _refused(dataset, CHAMBER, (screened, chamber), set_point, index)
     refusals = refusals or _shifted(CHAMBER, SET_POINT, chamber, set_point, interval_s)
@@ -210,6 +212,19 @@ def _filled(values: Array, good: Mask, like: Array) -> Array:
     rows = np.arange(len(values))
     apart = np.interp(rows, rows[good], (values - like)[good])
     return np.where(good, values, like + apart)
+
+
+def _standing(set_point: Array, chamber: Array) -> list[Flag]:
+    """Return the flag of a set-point that stands while the chamber's temperature moves."""
+    moved = float(np.ptp(chamber)) if len(chamber) else 0.0
+    if moved < MOVED_DEGC or float(np.ptp(set_point)) >= MIN_RANGE:
+        return []
+    standing_text = (
+        f"The column {SET_POINT} stands at {set_point[0]:.4g} degC while the chamber's temperature "
+        f"changes by {moved:.3g} degC: it is not what was commanded. The thermometers are not "
+        "checked by it, and the values as published may be off; correct the column."
+    )
+    return [contradiction(SET_POINT, standing_text, moved_degC=moved)]
 
 
 def _refused(

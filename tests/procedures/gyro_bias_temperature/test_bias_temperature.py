@@ -93,6 +93,14 @@ def test_one_wild_thermometer_row_moves_nothing(gyro: Gyro) -> None:
                 assert abs(one.value - before.value) < 0.2 * before.standard_uncertainty, result
 
 
+def test_a_set_point_that_stands_while_the_chamber_moves_is_named() -> None:
+    dataset = record(Gyro(), 7)
+    assert "contradicts-statement" not in codes(analyse(dataset))
+    standing = replace(dataset, set_point_degC=np.full(len(dataset.time_s), 23.0))
+    (flag,) = [one for one in analyse(standing).flags if one.code == "contradicts-statement"]
+    assert flag.details["statement"] == "set_point_degC"
+
+
 def test_with_the_chambers_thermometer_alone_the_lag_is_found_from_the_data() -> None:
     for case, seed in (("chamber alone", 1), ("chamber alone, one lag", 2)):
         pairs = errors_in_u(CASES[case], seed)
