@@ -9,6 +9,7 @@ import numpy as np
 from procedures.estimation.channel import Screened
 from procedures.estimation.channel import flags as channel_flags
 from procedures.estimation.flags import Gaps, gaps_of, not_identifiable, too_stiff
+from procedures.estimation.recorder import largest_jump
 from station.findings import Estimate, Flag, contradiction
 
 from .dataset import AnalysisSettings, TemperatureDataset
@@ -93,6 +94,7 @@ def result_flags(
             flags.append(Flag("not-significant", sentence, axis, {"name": name, "in_u": in_u}))
     flags += _prior(dataset, axis, fit)
     flags += _earth(dataset, axis, fit)
+    flags += _step(axis, fit)
     lag_one = _lag_one(fit)
     if lag_one > settings.model_too_stiff:
         follows = "curve, rate and hysteresis do not follow the output"
@@ -127,6 +129,20 @@ def _earth(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
         "output."
     )
     return [contradiction("input_axis", sentence, axis, ratio=1.0 - share)]
+
+
+def _step(axis: str, fit: BiasFit) -> list[Flag]:
+    """Return the flag of an output that steps: noise of any colour has no jump that stands out."""
+    jump = largest_jump(fit.residual, 1.0, 0.0)
+    if jump is None:
+        return []
+    row, size = jump
+    sentence = (
+        f"At about row {row}, counted from 0, the output of {axis} steps by {size:.3g} deg/h where "
+        "no part of the model does: it is taken for slow noise, and the results are less certain. "
+        "Look for what was switched or touched then, and record again."
+    )
+    return [Flag("output-step", sentence, axis, {"row": row, "step": size})]
 
 
 def _lag_one(fit: BiasFit) -> float:

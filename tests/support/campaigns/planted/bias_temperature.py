@@ -97,6 +97,12 @@ def stuck(at: float | None, rate: Array) -> Array:
     return rate
 
 
+def raised(rate: Array) -> Array:
+    """Return an output that steps."""
+    rate[700:] += 1.0
+    return rate
+
+
 def wave(rate: Array) -> Array:
     """Return an output with a sine of 0.1 deg/h and five rows."""
     return np.asarray(rate + 0.1 * np.sin(0.4 * np.pi * np.arange(len(rate)))[:, None])
@@ -159,6 +165,9 @@ ROWS: Sequence[Row] = (
         "overload", seeds=(4,), details={"count": 40}, below_u=4.0),
     row("output frozen for 40 rows", but(of(Gyro()), rows_of(partial(stuck, None))), "frozen",
         seeds=(4,), details={"count": 40}, below_u=4.0),
+    *(row(f"output steps by 1 deg/h, {name}", but(kind, rows_of(raised)), "output-step",
+        seeds=(4,))
+      for name, kind in FORMS),
     row("output with a wave of 5 rows", but(of(Gyro()), rows_of(wave)), "model-too-stiff",
         seeds=(4,), others="", below_u=4.0),
     row("a record at one temperature", of(Gyro(steps=((23.5, 1.0),))), "not-identifiable",
