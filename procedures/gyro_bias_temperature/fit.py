@@ -7,20 +7,21 @@ cosines the noise (N, B, K, by restricted likelihood) is nearly independent from
 the next; the mean, which the basis lacks, is taken apart. The lag is searched for, and its
 uncertainty goes through its derivative. Half widths are tried on a grid and the solutions mixed as
 likely as each is: where the loop is lost in noise, its width is unknown, and a single best one
-would make the loop larger than it is.
+would make the loop larger than it is. So are the orders of the curve and the sizes of slow noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import minimize_scalar
 
 from procedures.estimation.rate_spectrum import FLICKER, coefficients, noise_variances
-from procedures.estimation.reml import Components, Stretch, fit, solve
+from procedures.estimation.reml import RIDGE, Components, Stretch, fit, solve
 
 from .dataset import Array
 from .thermal import lagged, loop, rate_per_minute
@@ -28,6 +29,9 @@ from .thermal import lagged, loop, rate_per_minute
 HIGHEST_ORDER = 9
 FEWER, MORE = 2, 3
 """Orders below and above the likeliest whose solutions are mixed with its own."""
+PER_ORDER = 5.0
+"""What one more order must gain in -2 ln of the likelihood: ln of the 150 or so slow waves that see
+the curve. The rows are many more, but whether there is a term of the curve is not told by them."""
 MIN_SHARE = 1e-3
 FIRST_ORDER = 4
 NARROW, WIDE, WIDEST, USUAL_DEGC = 0.02, 0.15, 0.4, 8.0
@@ -37,8 +41,8 @@ WIDTHS, NEAR, FINER = 12, 7, 1.3
 MAX_ROUNDS, SETTLED = 8, 0.5
 MAX_LAG = 5.0
 """The lag, in standard uncertainties of what is known of it beforehand."""
-WALK_ALLOWED = 0.7
-"""Standard uncertainties by which the random walk may be larger than estimated, for u."""
+NOISE_REACH, NOISES = 3.0, 5
+"""How far beyond the likeliest squares, in standard uncertainties, B and K are tried; how many."""
 PASSED = 0.2
 """Part of the range that must be passed both ways before there is a loop to be seen."""
 ALONE = 0.02
@@ -157,20 +161,19 @@ class BiasFit:
 
     def bias_at(self, scaled: float) -> tuple[float, float]:
         """Return the bias at a place of the domain and its standard uncertainty, deg/h."""
-        return self._of_curve(self._row(scaled))
+        return self._of_curve(self.rows(np.array([scaled]))[0])
 
-    def difference(self, first: float, second: float) -> tuple[float, float]:
-        """Return the bias at one place less that at another, and its standard uncertainty."""
-        return self._of_curve(self._row(first) - self._row(second))
+    def slope_rows(self, scaled: Array) -> Array:
+        """Return what the slope at places (n,) is of each coefficient (n, order + 1).
 
-    def slope_at(self, scaled: float) -> tuple[float, float]:
-        """Return the curve's slope a unit of the scaled temperature, and its uncertainty."""
-        units = np.eye(self.order + 1)
-        slopes = [float(chebyshev.chebval(scaled, chebyshev.chebder(unit))) for unit in units]
-        return self._of_curve(np.array(slopes))
+        The slope is one a unit of the scaled temperature.
+        """
+        slopes = chebyshev.chebder(np.eye(self.order + 1))
+        return np.asarray(chebyshev.chebval(scaled, slopes).T)
 
-    def _row(self, scaled: float) -> Array:
-        return np.asarray(chebyshev.chebvander(np.array([scaled]), self.order)[0])
+    def rows(self, scaled: Array) -> Array:
+        """Return what the bias at places (n,) is of each coefficient (n, order + 1)."""
+        return np.asarray(chebyshev.chebvander(scaled, self.order))
 
     def _of_curve(self, gradient: Array) -> tuple[float, float]:
         width = self.order + 1
@@ -305,23 +308,28 @@ def _within(stretch: StretchAt, best: Components, order: int, tried: Tried) -> L
 def _ordered(
     stretch: StretchAt, theta: Array, lags_s: Lags, width: float
 ) -> tuple[int, Components]:
-    """Return the order of the curve by the Bayesian information criterion, with its solution."""
+    """Return the likeliest order of the curve, with its solution."""
     tried = {
         order: fit([stretch(order, lags_s, width)], theta) for order in range(1, HIGHEST_ORDER + 1)
     }
-    rows = len(tried[1].solved[0].residuals)
-    order = min(tried, key=lambda order: tried[order].deviance + order * np.log(rows))
+    order = min(tried, key=lambda order: tried[order].deviance + order * PER_ORDER)
     return order, tried[order]
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A solution with one order and half width: its quantities, named for the highest order."""
+    """A solution with one order, half width and noise, `weighed` as -2 ln of how likely it is.
 
+    `normal` is that of its quantities, the lags at the end; `centre` has the means of its columns.
+    """
+
+    weighed: float
+    order: int
+    tried: Tried
+    theta: Array
     sizes: Array
-    covariance: Array
-    weighted: Array
-    residual: Array
+    normal: Array
+    centre: Array
 
 
 def _mixed(
@@ -332,95 +340,143 @@ def _mixed(
     order: int,
     widths: Sequence[Tried],
 ) -> BiasFit:
-    """Return the solutions of neighbouring orders and all half widths, each as likely as it is."""
+    """Return the solutions of likely orders, half widths and noises, each as likely as it is."""
     widths = sorted(widths, key=lambda tried: tried.half_width)
     # Beforehand, each ratio of widths is as likely as the next.
     ratios = np.log([tried.half_width for tried in widths])
     share = np.gradient(ratios) if len(widths) > 1 else np.ones(1)
     orders = range(max(1, order - FEWER), min(HIGHEST_ORDER, order + MORE) + 1)
-    pairs = [(own, tried) for own in orders for tried in widths]
-    variance, penalty = best.solved[0].variance, np.log(len(rate) - 1)
-    deviance = np.array(
-        [
-            solve(stretch(own, tried.lags_s, tried.half_width), variance).deviance
-            + float(np.sum((np.array(tried.lags_s) / setting.priors_s) ** 2))
-            + own * penalty
-            for own, tried in pairs
-        ]
-    )
-    weight = np.tile(share, len(orders)) * np.exp(-0.5 * (deviance - deviance.min()))
-    weight[weight < MIN_SHARE * weight.max()] = 0.0
-    weight /= weight.sum()
-    used = [n for n, own in enumerate(weight) if own > 0.0]
-    top = max(pairs[n][0] for n in used)
-    more = best.theta.copy()
-    more[-1] += WALK_ALLOWED * best.u[-1]
-    candidates = [_candidate(rate, setting, stretch, (variance, more), pairs[n], top) for n in used]
-    shares = weight[used]
-    sizes = shares @ np.array([c.sizes for c in candidates])
-    apart = np.array([c.sizes for c in candidates]) - sizes
+    candidates = [
+        candidate
+        for own, tried in zip(share, widths, strict=True)
+        for candidate in _candidates(setting, stretch, best, orders, (tried, float(own)))
+    ]
+    weighed = np.array([candidate.weighed for candidate in candidates])
+    weight = np.exp(-0.5 * (weighed - weighed.min()))
+    used = np.flatnonzero(weight >= MIN_SHARE * weight.max())
+    shares = weight[used] / weight[used].sum()
+    solutions = [_solution(rate, setting, candidates[n], orders[-1]) for n in used]
+    values = np.array([own for own, _ in solutions])
+    sizes = shares @ values
+    apart = values - sizes
     covariance = np.einsum("w,wi,wj->ij", shares, apart, apart)
-    covariance += np.einsum("w,wij->ij", shares, np.array([c.covariance for c in candidates]))
-    likeliest = int(np.argmin(deviance[used]))
-    chosen, (own, tried) = candidates[likeliest], pairs[used[likeliest]]
-    names = [f"c{k}" for k in range(top + 1)] + ["s"] + ["H"] * setting.has_loop + ["lag", "inner"]
-    names = names[: len(sizes)]
-    seen = {"s": own} | ({"H": own + 1} if setting.has_loop else {})
+    covariance += np.einsum("w,wij->ij", shares, np.array([own for _, own in solutions]))
+    names = [f"c{k}" for k in range(orders[-1] + 1)] + ["s"] + ["H"] * setting.has_loop
+    names = [*names, "lag", "inner"][: len(sizes)]
+    chosen = candidates[int(np.argmin(weighed))]
+    tried, width = chosen.tried, chosen.order + setting.has_loop
+    columns = setting.columns(chosen.order, tried.lags_s, tried.half_width)
+    constant = float(rate.mean()) - float(chosen.centre[: len(chosen.sizes)] @ chosen.sizes)
+    fitted = constant + columns @ chosen.sizes
+    own = stretch(chosen.order, tried.lags_s, tried.half_width)
+    weighted = own.columns / np.sqrt(own.variance(best.theta))[:, None]
+    seen = {"s": chosen.order} | ({"H": width} if setting.has_loop else {})
     return BiasFit(
-        top,
+        orders[-1],
         tuple(names),
         sizes,
         covariance,
         best.theta,
-        {
-            name: _left(chosen.weighted[:, : -len(tried.lags_s)], at) > ALONE
-            for name, at in seen.items()
-        },
+        {name: _left(weighted, at) > ALONE for name, at in seen.items()},
         tried.half_width,
-        chosen.residual,
-        rate - chosen.residual,
+        rate - fitted,
+        fitted,
         tried.lags_s,
     )
 
 
-def _candidate(
-    rate: Array,
+def _noises(best: Components) -> list[Array]:
+    """Return squares of the noise that data allow: slow noise shows in few waves of a record."""
+    ends = (best.theta + NOISE_REACH * best.u)[1:]
+    slow = product(*(np.linspace(0.0, float(end), NOISES) for end in ends))
+    return [np.array([best.theta[0], *own]) for own in slow]
+
+
+def _candidates(
     setting: Setting,
     stretch: StretchAt,
-    variances: tuple[Array, Array],
-    pair: tuple[int, Tried],
-    top: int,
-) -> Candidate:
-    """Return one solution; `variances` are those of the data, and theta that u goes by."""
-    (order, tried), (variance, theta) = pair, variances
-    own = stretch(order, tried.lags_s, tried.half_width)
-    sizes = solve(own, variance).sizes
-    columns = setting.columns(order, tried.lags_s, tried.half_width)
-    whole = columns
-    for at, prior_s in enumerate(setting.priors_s):
-        lag_s = tried.lags_s[at]
+    best: Components,
+    orders: Sequence[int],
+    width: tuple[Tried, float],
+) -> list[Candidate]:
+    """Return the solutions with one half width, whose share beforehand stands beside it."""
+    tried, share = width
+    top = orders[-1]
+    own = stretch(top, tried.lags_s, tried.half_width)
+    columns = setting.columns(top, tried.lags_s, tried.half_width)
+    count = columns.shape[1]
+    places = {order: np.r_[:order, top:count] for order in orders}
+
+    def solved(theta: Array, whole: Array) -> list[tuple[float, float, Array, Array]]:
+        variance = own.variance(theta)
+        weighted = whole.T / variance
+        normal, right = weighted @ whole, weighted[:count] @ own.data
+        start = float(np.sum(np.log(variance) + own.data**2 / variance))
+        solutions = []
+        for order, at in places.items():
+            inner = normal[np.ix_(at, at)]
+            sizes = np.linalg.solve(inner + RIDGE * np.diag(np.diag(inner)), right[at])
+            deviance = start - float(right[at] @ sizes) + order * PER_ORDER
+            rows = np.r_[at, count : len(normal)]
+            solutions.append((deviance, _log_det(inner), sizes, normal[np.ix_(rows, rows)]))
+        return solutions
+
+    usual = solved(best.theta, own.columns)
+    likeliest = int(np.argmin([deviance for deviance, *_ in usual]))
+    sizes = usual[likeliest][2]
+    at = places[orders[likeliest]]
+    moves = _moves(setting, tried, top, at, sizes)
+    whole = np.column_stack([own.columns, coefficients(moves)])
+    centre = np.concatenate([columns.mean(axis=0), moves.mean(axis=0)])
+    known = float(np.sum((np.array(tried.lags_s) / setting.priors_s) ** 2))
+    candidates = []
+    for theta in _noises(best):
+        for order, before, (deviance, log_det, sizes, normal) in zip(
+            orders, usual, solved(theta, whole), strict=True
+        ):
+            # Restricted: what the columns take of the data says nothing of the noise.
+            weighed = deviance + log_det - before[1] + known - 2.0 * np.log(share)
+            rows = np.r_[places[order], count : len(centre)]
+            candidates.append(Candidate(weighed, order, tried, theta, sizes, normal, centre[rows]))
+    return candidates
+
+
+def _moves(setting: Setting, tried: Tried, top: int, at: Array, sizes: Array) -> Array:
+    """Return by how much the model (n, lags) moves with each lag, a second."""
+    columns = setting.columns(top, tried.lags_s, tried.half_width)[:, at]
+    moves = []
+    for number, prior_s in enumerate(setting.priors_s):
+        lag_s = tried.lags_s[number]
         nudge_s = STEP * max(prior_s if np.isfinite(prior_s) else 0.0, lag_s, setting.interval_s)
         later_s = list(tried.lags_s)
-        later_s[at] += nudge_s
-        later = setting.columns(order, tuple(later_s), tried.half_width) @ sizes
-        whole = np.column_stack([whole, (later - columns @ sizes) / nudge_s])
-    weighted = coefficients(whole) / np.sqrt(own.variance(theta))[:, None]
-    normal = weighted.T @ weighted
+        later_s[number] += nudge_s
+        later = setting.columns(top, tuple(later_s), tried.half_width)[:, at]
+        moves.append((later - columns) @ sizes / nudge_s)
+    return np.column_stack(moves)
+
+
+def _solution(rate: Array, setting: Setting, candidate: Candidate, top: int) -> tuple[Array, Array]:
+    """Return quantities, named for the highest order, and their covariance."""
+    sizes, centre, theta = candidate.sizes, candidate.centre, candidate.theta
+    normal = candidate.normal.copy()
     known = np.arange(len(sizes), len(normal))
     normal[known, known] += 1.0 / setting.priors_s**2
-    centre = whole.mean(axis=0)
     # The constant is what the mean leaves: it moves with every column's mean.
     gain = np.vstack([-centre, np.eye(len(centre))])
     covariance = gain @ _inverse(normal) @ gain.T
     length_s = len(rate) * setting.interval_s
     covariance[0, 0] += float(theta @ [1.0 / length_s, FLICKER, WALK_MEAN * length_s])
     constant = float(rate.mean()) - float(centre[: len(sizes)] @ sizes)
-    values = np.r_[constant, sizes, tried.lags_s]
-    place = np.r_[: order + 1, top + 1 : top + 1 + len(values) - order - 1]
-    padded, wide = np.zeros(len(values) + top - order), np.zeros((len(values) + top - order,) * 2)
-    padded[place] = values
+    own = np.r_[constant, sizes, candidate.tried.lags_s]
+    place = np.r_[: candidate.order + 1, top + 1 : top + len(own) - candidate.order]
+    padded, wide = np.zeros(place[-1] + 1), np.zeros((place[-1] + 1,) * 2)
+    padded[place] = own
     wide[np.ix_(place, place)] = covariance
-    return Candidate(padded, wide, weighted, rate - constant - columns @ sizes)
+    return padded, wide
+
+
+def _log_det(normal: Array) -> float:
+    return float(np.linalg.slogdet(normal)[1])
 
 
 def _inverse(normal: Array) -> Array:

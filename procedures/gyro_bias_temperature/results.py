@@ -9,7 +9,7 @@ import numpy as np
 from procedures.estimation.measured import Measured
 from station.findings import Estimate, undetermined
 
-from .dataset import TemperatureDataset
+from .dataset import Array, TemperatureDataset
 from .fit import BiasFit, Setting
 from .published import APART_DEGC
 from .soaks import Soak
@@ -19,6 +19,8 @@ METHOD = "maximum-likelihood"
 INNER = 0.9
 """Part of the range over which the largest slope is looked for."""
 PLACES = 181
+DRAWS = 500
+"""Curves about the solution, and as many opposite ones."""
 
 
 def estimates_of(
@@ -80,32 +82,40 @@ def _of_curve(
 ) -> dict[str, Measured | None]:
     low, high = setting.domain
     reference = dataset.reference_degC
-    at = float(setting.scaled(np.array([reference]))[0])
-    values: dict[str, Measured | None] = {
-        "largest_bias_slope": max(
-            (_slope(fit, float(x), high - low) for x in np.linspace(-INNER, INNER, PLACES)),
-            key=lambda slope: slope.value,
-        )
-    }
+    curve, per_degC = fit.curve(), 2.0 / (high - low)
+    inner = fit.slope_rows(np.linspace(-INNER, INNER, PLACES)) * per_degC
+    values: dict[str, Measured | None] = {"largest_bias_slope": _largest(fit, inner)}
     if low <= reference <= high:
-        bias, u = fit.bias_at(at)
-        slope = _slope(fit, at, high - low).value
+        at = setting.scaled(np.array([reference]))
+        bias, u = fit.bias_at(float(at[0]))
+        slope = float(fit.slope_rows(at)[0] @ curve) * per_degC
         values["bias"] = Measured(bias, float(np.hypot(u, slope * u_degC)))
-        far = [soak for soak in soaks if abs(soak.temperature_degC - reference) >= APART_DEGC]
-        slopes = []
-        for soak in far:
-            there = float(setting.scaled(np.array([soak.temperature_degC]))[0])
-            apart, u = fit.difference(there, at)
-            span = abs(soak.temperature_degC - reference)
-            own_slope = _slope(fit, there, high - low).value
-            u = float(np.hypot(u, own_slope * u_degC))
-            slopes.append(Measured(abs(apart) / span, u / span))
-        values["bias_temperature_sensitivity"] = max(
-            slopes, key=lambda slope: slope.value, default=None
-        )
+        ends = np.array([soak.temperature_degC for soak in soaks])
+        ends = ends[np.abs(ends - reference) >= APART_DEGC]
+        if len(ends):
+            there, spans = setting.scaled(ends), ends - reference
+            rows = (fit.rows(there) - fit.rows(at)) / spans[:, None]
+            more = fit.slope_rows(there) @ curve * per_degC * u_degC / spans
+            values["bias_temperature_sensitivity"] = _largest(fit, rows, more)
     return values
 
 
-def _slope(fit: BiasFit, scaled: float, span: float) -> Measured:
-    value, u = fit.slope_at(scaled)
-    return Measured(abs(value) * 2.0 / span, u * 2.0 / span)
+def _largest(fit: BiasFit, rows: Array, more: Array | None = None) -> Measured:
+    """Return the largest size of what follows from the curve by `rows` (n, order + 1).
+
+    `more` (n,) is what else is unknown of each. The largest of noisy values is too large, and it
+    may be another: u is the root mean square by which the largest of curves drawn about the
+    solution stand off its own.
+    """
+    width = rows.shape[1]
+    scale, axes = np.linalg.eigh(fit.covariance[:width, :width])
+    # Orthogonal draws: where one place is by far the largest, u is just its own.
+    drawn = np.linalg.qr(np.random.default_rng(DRAWS).standard_normal((DRAWS, width)))[0]
+    root = (axes * np.sqrt(np.maximum(scale, 0.0))) @ axes.T
+    apart = np.sqrt(DRAWS) * np.vstack([drawn, -drawn]) @ root @ rows.T
+    value = rows @ fit.sizes[:width]
+    at = int(np.argmax(np.abs(value)))
+    largest = float(np.abs(value[at]))
+    off = np.abs(value + apart).max(axis=1) - largest
+    further = 0.0 if more is None else float(more[at])
+    return Measured(largest, float(np.sqrt(np.mean(off**2) + further**2)))

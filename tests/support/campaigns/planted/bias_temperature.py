@@ -166,7 +166,7 @@ ROWS: Sequence[Row] = (
     row("output frozen for 40 rows", but(of(Gyro()), rows_of(partial(stuck, None))), "frozen",
         seeds=(4,), details={"count": 40}, below_u=4.0),
     *(row(f"output steps by 1 deg/h, {name}", but(kind, rows_of(raised)), "output-step",
-        seeds=(4,))
+        seeds=(4,), below_u=4.0)
       for name, kind in FORMS),
     row("output with a wave of 5 rows", but(of(Gyro()), rows_of(wave)), "model-too-stiff",
         seeds=(4,), others="", below_u=4.0),
