@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 NOT_TRIED = "not-tried"
@@ -114,6 +114,7 @@ class Flag:
         return cls(code, message, axis, details)
 
 
+NOT_IDENTIFIABLE = "not-identifiable"
 CONTRADICTS = "contradicts-statement"
 
 
@@ -199,6 +200,34 @@ class Findings:
     inputs: Sequence[InputQuantity]
     detail: Any
     covariance: Covariance | None = None
+
+
+def of_numbers(findings: Findings) -> Findings:
+    """Return findings in which each estimate is a number with an uncertainty, or undetermined.
+
+    No NaN is a result: what an analysis could not compute, the data do not determine.
+    """
+    lost = [e for e in findings.estimates if e.value is not None and not _is_number(e)]
+    if not lost:
+        return findings
+    flags = list(findings.flags)
+    for estimate in lost:
+        text = (
+            f"{estimate.name.replace('_', ' ').capitalize()} came out as no number: these data do "
+            "not determine it. Look for columns that never change or that repeat each other."
+        )
+        details = {"coefficients": [estimate.name]}
+        flags.append(Flag(NOT_IDENTIFIABLE, text, estimate.axis, details))
+    estimates = [
+        undetermined(e.name, e.axis, e.unit, e.method) if e in lost else e
+        for e in findings.estimates
+    ]
+    return replace(findings, estimates=estimates, flags=flags)
+
+
+def _is_number(estimate: Estimate) -> bool:
+    u = estimate.standard_uncertainty
+    return math.isfinite(estimate.value or 0.0) and (u is None or math.isfinite(u))
 
 
 @dataclass(frozen=True)

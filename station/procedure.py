@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from station import registry
 from station.errors import InputError
 from station.files.faults import FaultList
+from station.findings import of_numbers
 from station.method.dry_run import DryRun, Forecast, Walk
 from station.method.duration import Duration
 from station.method.prompts import Prompt as Prompt
@@ -288,6 +289,7 @@ def check_findings(procedure: Procedure, findings: Findings) -> Findings:
     """Return findings; InputError for an estimate that the procedure does not declare so.
 
     A limit of the plan is converted to the declared unit, and compared with the estimate's number.
+    One that is no number is undetermined, and flagged.
     """
     for estimate in findings.estimates:
         declared = procedure.results.get(estimate.name)
@@ -301,4 +303,4 @@ def check_findings(procedure: Procedure, findings: Findings) -> Findings:
                 f"the evaluation gives {estimate.name} in {estimate.unit}, its procedure declares "
                 f"{declared.unit}; convert it in the evaluation"
             )
-    return findings
+    return of_numbers(findings)

@@ -234,11 +234,11 @@ def strongest_line(
         return np.where(determined, falls, 0.0), waves
 
     best = int(np.argmax(gains_at(cycles)[0]))
-    finer = cycles[best] + (np.linspace(-0.5, 0.5, finer) if finer > 1 else np.zeros(1)) / span
-    gains, waves = gains_at(finer)
+    near = cycles[best] + (np.linspace(-0.5, 0.5, finer) if finer > 1 else np.zeros(1)) / span
+    gains, waves = gains_at(near)
     top = int(np.argmax(gains))
     if gains[top] <= 0.0:
         return []
-    what = f"{spacing_s / finer[top]:.4g} s"
+    what = f"{spacing_s / near[top]:.4g} s"
     line = Alternative("periodic", what, unit, waves[:, :, top].T, None, SEARCHED)
     return [(float(gains[top]), line)]

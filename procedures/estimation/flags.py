@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Flag
+from station.findings import NOT_IDENTIFIABLE, Flag
 
 LARGEST_ERROR = 0.5
 """Part of the commanded field by which the measured one may differ."""
@@ -20,7 +20,6 @@ SEEN = 0.1
 """Part of the commanded field below which a coil makes none."""
 
 
-NOT_IDENTIFIABLE = "not-identifiable"
 MAX_LISTED = 12
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from procedures.estimation.flags import NOT_IDENTIFIABLE, not_identifiable, too_stiff
-from station.findings import Estimate, Flag, contradiction
+from procedures.estimation.flags import not_identifiable, too_stiff
+from station.findings import NOT_IDENTIFIABLE, Estimate, Flag, contradiction
 
 from .checks import PublishedAngles, outside_the_isotope, slowing_down_bounds
 from .dataset import ANGLE, FACTOR, RESIDUAL, SLOWING_DOWN, Frequencies, SerfDataset, scale_axis
