@@ -119,7 +119,7 @@ def without_stuck(data: OtherAxes) -> tuple[OtherAxes, tuple[Flag, ...]]:
     """Return the data with NaN for an axis of a record that stood still, and the flags of it.
 
     A record is that if it has a single value in five samples and more, where the same axis changes
-    from sample to sample in others.
+    from sample to sample in others, or the other axes do where it never does.
     """
     force, stuck = _unstuck(ACCELEROMETER, _forces(data))
     field, also = _unstuck(MAGNETOMETER, _fields(data))
@@ -135,6 +135,12 @@ def _unstuck(sensor: str, records: Named) -> tuple[Named, list[Flag]]:
         columns = {name: own for name, own in columns.items() if len(own) >= IN_A_SHORT_RECORD}
         stuck = [name for name, own in columns.items() if float(np.ptp(own)) == 0.0]
         others = [_moving(own) for name, own in columns.items() if name not in stuck]
+        others = others or [
+            _moving(_finite(samples[:, other]))
+            for name, samples in records.items()
+            for other in range(3)
+            if name in stuck and other != axis
+        ]
         if not stuck or not others or float(np.median(others)) <= ALWAYS_NEW:
             continue
         for name in stuck:
