@@ -22,7 +22,6 @@ from station.findings import Flag
 
 from .flags import counted, frozen
 from .frozen import CHANCE_OF_ROWS, IN_A_ROW, equal_runs, repeated_rows, stuck_rows
-from .frozen import frozen as frozen_readings
 from .linear import MAD_TO_SIGMA, robust_sigma
 from .recorder import MANY, resolution, visits
 
@@ -262,8 +261,9 @@ def _slow(
         longest = max(longest, math.ceil(often / -math.log(equal)) if equal < 1.0 else len(values))
     starts, lengths = equal_runs(values)
     still = np.repeat(lengths >= longest, lengths)
-    if noise == 0.0:
-        still |= frozen_readings(values)  # most of them may be, and hide the noise of the others
+    longest_run = np.repeat(lengths > 0.5 * len(values), lengths)
+    if longest_run.any() and _slow_noise(values[~longest_run], step) > MIN_BLUR * step:
+        still |= longest_run  # most of them, so that the noise of the others does not show
     copied = still & False
     if noise > 0.5 * step:
         copied = _copied(values, step, ~still)

@@ -23,11 +23,13 @@ def spheres(others: OtherResults) -> Iterator[Plot]:
     if others.inertial is not None:
         read, corrected = forces(others.inertial)
         size = others.recorded.gravity_g
-        yield _sphere("Accelerometers", "g", 1e3, "mg", read, corrected, size)
+        if len(read):
+            yield _sphere("Accelerometers", "g", 1e3, "mg", read, corrected, size)
     if others.magnetic is not None and all(map(others.magnetic.determines, np.eye(12))):
         read, corrected = fields(others.recorded, others.magnetic)
         size = others.magnetic.field_nT
-        yield _sphere("Magnetometer", "nT", 1.0, "nT", read, corrected, size)
+        if len(read):
+            yield _sphere("Magnetometer", "nT", 1.0, "nT", read, corrected, size)
 
 
 def forces(inertial: Inertial) -> tuple[Array, Array]:
