@@ -118,7 +118,7 @@ class Screened:
     @property
     def coarse(self) -> bool:
         """Whether noise and rounding hardly move a reading from one step to the next."""
-        seen = self.step > self.channel.harmless
+        seen = self.step > self.channel.harmless and int(self.good.sum()) >= AROUND
         return seen and self.noise**2 + self.step**2 / 12.0 < self.step**2
 
     def u_of_step(self, averaged: float = 1.0) -> float:
