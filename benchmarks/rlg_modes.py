@@ -41,8 +41,9 @@ from scipy.special import stdtrit
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from procedures.rlg_magnetic_sensitivity.analysis import RlgAnalysis, analyse
+from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.fitted import RlgAnalysis
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.parameters import RlgParameters, Stop
 from procedures.rlg_magnetic_sensitivity.records import sensitivity_records

@@ -29,9 +29,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as parent:
         outcome = execute(Request(plan, bench, Path(parent), quiet=True, report=False))
         _, findings = evaluate_run(RunFolder(outcome.folder))
-    analysis, dataset = findings.detail.analysis, findings.detail.dataset
+    analysis = findings.detail.analysis
     lines = [line for line in analysis.lines if line.segment == 0]
-    plot = spectrum_plot.spectrum(analysis.segments[0], lines, dataset.segments[0])
+    plot = spectrum_plot.spectrum(analysis.segments[0], lines)
     PICTURE.write_bytes(png_of(plot))
 
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from station.findings import Estimate
 
-from .dataset import AXES, Array, LineDetail, Mask, Segment
+from .dataset import AXES, Array, Mask, Segment
+from .fitted import LineDetail
 from .parameters import COIL_OF_AXIS
 
 MISALIGNMENT = "field_misalignment_rad"
@@ -82,7 +83,7 @@ def coil_responses(
             line.axis in responses
             or not alone
             or commanded_mT <= 0.0
-            or line.field_amplitude_mT <= 0.0
+            or abs(line.own_field_mT) <= 0.0
         ):
             continue
         responses[line.axis] = coil_response(line, commanded_mT)
@@ -92,14 +93,14 @@ def coil_responses(
 def coil_response(line: LineDetail, commanded_mT: float) -> CoilResponse:
     """Return the response of the coil behind a line."""
     own = AXES.index(line.axis)
-    turned = line.field_phasors_mT * np.exp(-1j * np.angle(line.field_phasors_mT[own]))
+    turned = line.field.phasor_mT * np.exp(-1j * np.angle(line.field.phasor_mT[own]))
     # A component that was not measured is zero throughout.
-    seen = line.field_phasors_mT != 0.0
+    seen = line.field.phasor_mT != 0.0
     field_mT = np.where(seen, turned.real, np.nan)
-    u_mT = np.where(seen, line.field_uncertainty_mT, np.nan)
+    u_mT = np.where(seen, np.sqrt(line.field.variance_mT2), np.nan)
     lean = np.arctan2(field_mT, field_mT[own])
     lean_u = u_mT / field_mT[own]
-    unseen = (line.field_phasors_mT == 0.0) & (u_mT == 0.0)  # no noise at all: taken as zero
+    unseen = (line.field.phasor_mT == 0.0) & (u_mT == 0.0)  # no noise at all: taken as zero
     across = np.delete(field_mT, own)
     lean[own] = np.arctan2(float(np.hypot(*across)), field_mT[own])
     lean_u[own] = float(np.max(np.delete(u_mT, own))) / field_mT[own]

@@ -22,7 +22,8 @@ from station.uncertainty import combine
 
 from .analysis import analyse
 from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slope_by_misalignment
-from .dataset import AXES, METHOD, QUANTITY, UNDRIVEN, UNIT, RlgAnalysis, RlgDataset
+from .dataset import AXES, METHOD, QUANTITY, UNDRIVEN, UNIT, RlgDataset
+from .fitted import RlgAnalysis
 from .from_import import Conditions, dataset_of_import
 from .from_record import dataset_of_run, field_record, segment_of_unit
 from .parameters import AnalysisSettings, RlgParameters

@@ -1,4 +1,8 @@
-"""The driven field as it was measured: frequency, phasors on three axes, ambient field."""
+"""The driven field as it was measured: frequency, phasors on three axes, ambient field.
+
+A gaussmeter of one axis is turned along each coil's normal in turn. The two other components are
+taken as zero; that gyro and field do not lie exactly so is an uncertainty of type B.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +25,9 @@ from procedures.estimation.sine import (
 
 from .dataset import AXES, Array, Complex, Mask, Segment
 from .frequencies import Drive
+
+Groups = list[tuple[tuple[str, ...], float]]
+"""The lines of a field: the axes that drive each, and the commanded frequency in Hz."""
 
 _DRIFT_ORDER = 2
 _OUTLIER = 8.0
@@ -50,6 +57,11 @@ class FieldLine:
     problem: str | None
     measured: bool
 
+    @property
+    def axis(self) -> str | None:
+        """The axis that drives it, None where several do."""
+        return self.axes[0] if len(self.axes) == 1 else None
+
 
 @dataclass(frozen=True)
 class FieldFit:
@@ -68,30 +80,29 @@ class FieldFit:
         return int(self.wild.sum())
 
 
-def fit_field(segment: Segment, middle_s: float) -> FieldFit:
+def fit_field(segment: Segment) -> FieldFit:
     """Fit every driven line in the field record of a segment.
 
     The frequency of each line comes from the component along the axis that drives it (variable
     projection, ambient field and slow drift beside it); the phasors of all three components then
-    come from one linear fit at those frequencies. Time zero is `middle_s`.
+    come from one linear fit at those frequencies. Time zero is the middle of the gyro's record.
     """
     span_s = float(np.ptp(segment.field_time_s)) if len(segment.field_time_s) else 0.0
     groups = _groups(segment.drive, span_s)
     finite = np.isfinite(segment.field_mT).all(axis=1) & np.isfinite(segment.field_time_s)
-    time_s = segment.field_time_s[finite] - middle_s
+    time_s = segment.field_time_s[finite] - segment.middle_s
     field_mT = segment.field_mT[finite]
     columns = _DRIFT_ORDER + 1 + 4 * len(groups)
     if len(time_s) < 2 * columns or time_s[-1] <= time_s[0]:
-        return _no_fit(
-            groups, field_mT, f"the field record holds {len(time_s)} samples, too few for a fit"
-        )
+        reason = f"the field record holds {len(time_s)} samples, too few for a fit"
+        return _no_fit(groups, field_mT, ~finite, reason)
     frequencies, uncertainties, kept = _frequencies(segment.drive, groups, time_s, field_mT)
     wild = ~finite
     wild[np.flatnonzero(finite)[~kept]] = True
     rejected = int((~kept).sum())
     if len(time_s) - rejected < max(2 * columns, _MIN_KEPT * len(time_s)):
         reason = f"{rejected} of {len(time_s)} samples of the field fit no sine of one amplitude"
-        return _no_fit(groups, field_mT, reason)
+        return _no_fit(groups, field_mT, ~finite, reason)
     lines_Hz = frequencies, uncertainties
     return _linear_fit(segment, groups, *lines_Hz, time_s[kept], field_mT[kept], wild)
 
@@ -123,31 +134,32 @@ def stretch_of_field(
     return kept, lambda at_s: columns(at_s) @ np.column_stack(coefficients)
 
 
-def _no_fit(groups: list[tuple[tuple[str, ...], float]], field_mT: Array, reason: str) -> FieldFit:
+def _no_fit(groups: Groups, field_mT: Array, wild: Mask, reason: str) -> FieldFit:
     ambient = np.median(field_mT, axis=0) if len(field_mT) else np.zeros(3)
-    lines = tuple(_empty(axes, f, reason) for axes, f in groups)
-    return FieldFit(lines, ambient, np.zeros(len(field_mT), dtype=bool))
+    zero, nothing = np.zeros(3), np.zeros(3, dtype=np.complex128)
+    lines = (
+        FieldLine(axes, f, 0.0, nothing, zero, nothing, reason, measured=False)
+        for axes, f in groups
+    )
+    return FieldFit(tuple(lines), ambient, wild)
 
 
-def _groups(drive: Mapping[str, Drive], span_s: float) -> list[tuple[tuple[str, ...], float]]:
+def _groups(drive: Mapping[str, Drive], span_s: float) -> Groups:
     """Axes driven at the same frequency (within a hundredth of 1/T) share one line."""
-    groups: list[tuple[tuple[str, ...], float]] = []
+    groups: Groups = []
     for axis in (a for a in AXES if a in drive):
-        frequency = drive[axis].frequency_Hz
-        for k, (axes, f) in enumerate(groups):
-            if abs(f - frequency) * span_s <= 0.01:
-                groups[k] = ((*axes, axis), f)
-                break
+        own_Hz = drive[axis].frequency_Hz
+        shared = [k for k, (_, f) in enumerate(groups) if abs(f - own_Hz) * span_s <= 0.01]
+        if shared:
+            axes, f = groups[shared[0]]
+            groups[shared[0]] = ((*axes, axis), f)
         else:
-            groups.append(((axis,), frequency))
+            groups.append(((axis,), own_Hz))
     return groups
 
 
 def _frequencies(
-    drive: Mapping[str, Drive],
-    groups: list[tuple[tuple[str, ...], float]],
-    time_s: Array,
-    field_mT: Array,
+    drive: Mapping[str, Drive], groups: Groups, time_s: Array, field_mT: Array
 ) -> tuple[list[float], list[float], Mask]:
     span_s = float(time_s[-1] - time_s[0])
     # A wild reading must not choose the starting point: clip far outside of any sine.
@@ -161,7 +173,7 @@ def _frequencies(
         spacing = [0.4 * abs(f - commanded) for j, (_, f) in enumerate(groups) if j != k]
         reach_Hz = min([max(2.0 / span_s, 0.02 * commanded), 0.9 * commanded, *spacing])
         least_mT = SEEN * drive[axes[0]].amplitude_mT
-        part, frequencies[k] = _found(axes, time_s, clipped, commanded, reach_Hz, least_mT)
+        part, frequencies[k] = _strongest(axes, time_s, clipped, commanded, reach_Hz, least_mT)
         parts.append(part)
     uncertainties = [0.0] * len(groups)
     for k, part in enumerate(parts):
@@ -169,9 +181,8 @@ def _frequencies(
     design = np.hstack((_drift(time_s), line_columns(time_s, frequencies)))
     kept = np.ones(len(time_s), dtype=bool)
     for a in range(3):
-        residuals = field_mT[:, a] - combine(
-            design, least_squares(design, clipped[:, a]).coefficients
-        )
+        fit = least_squares(design, clipped[:, a])
+        residuals = field_mT[:, a] - combine(design, fit.coefficients)
         # The waveform of a programmed list is not a perfect sine; its steps are no outliers, nor
         # are those of a gaussmeter with few digits.
         floor = max(0.01 * float(np.ptp(clipped[:, a])), resolution(field_mT[:, a]))
@@ -183,7 +194,7 @@ def _frequencies(
     return frequencies, uncertainties, kept
 
 
-def _found(
+def _strongest(
     axes: tuple[str, ...],
     time_s: Array,
     field_mT: Array,
@@ -216,7 +227,7 @@ def _drift(time_s: Array) -> Array:
 
 def _linear_fit(
     segment: Segment,
-    groups: list[tuple[tuple[str, ...], float]],
+    groups: Groups,
     frequencies: list[float],
     uncertainties: list[float],
     time_s: Array,
@@ -225,6 +236,7 @@ def _linear_fit(
 ) -> FieldFit:
     span_s = float(time_s[-1] - time_s[0])
     step_s = float(np.median(np.diff(time_s)))
+    count, first = len(frequencies), _DRIFT_ORDER + 1
     doubles = [
         2.0 * f
         for f in frequencies
@@ -232,31 +244,28 @@ def _linear_fit(
     ]
     design = np.hstack((_drift(time_s), line_columns(time_s, frequencies + doubles)))
     freedom = max(len(time_s) - design.shape[1], 1)
-    first = _DRIFT_ORDER + 1
-    ambient = np.zeros(3)
-    lines_mT = np.zeros((len(frequencies) + len(doubles), 3), dtype=np.complex128)
-    variance = np.zeros((len(frequencies), 3))
-    for a in range(3):
-        fit = least_squares(design, field_mT[:, a])
-        ambient[a] = fit.coefficients[0]
-        lines_mT[:, a] = phasors(fit.coefficients[first:])
-        spread = np.diag(fit.inverse_normal) * fit.sum_of_squares / freedom
-        pairs = spread[first : first + 2 * len(frequencies)]
-        variance[:, a] = 0.5 * (pairs[0::2] + pairs[1::2])
+    fits = [least_squares(design, component) for component in field_mT.T]
+    ambient = np.array([fit.coefficients[0] for fit in fits])
+    lines_mT = np.column_stack([phasors(fit.coefficients[first:]) for fit in fits])
+    spread = np.column_stack([np.diag(x.inverse_normal) * x.sum_of_squares for x in fits]) / freedom
+    variance = spread[first : first + 2 * count].reshape(count, 2, 3).mean(axis=1)
     scatter_mT = np.std(field_mT, axis=0)
     lines = []
     for k, (axes, _) in enumerate(groups):
-        factor = averaging_factor(frequencies[k], segment.field_averaging_s)
-        blurred = _blurred(frequencies, k, step_s, span_s, factor)
-        problem = blurred or _absent(
-            axes, segment.drive, frequencies, k, lines_mT, variance[k], scatter_mT
+        factor, double_factor = (
+            averaging_factor(times * frequencies[k], segment.field_averaging_s) for times in (1, 2)
         )
-        factor = factor if abs(factor) >= 0.1 else 1.0
         double = np.zeros(3, dtype=np.complex128)
-        if 2.0 * frequencies[k] in doubles:
-            own = lines_mT[len(frequencies) + doubles.index(2.0 * frequencies[k])]
-            double_factor = averaging_factor(2.0 * frequencies[k], segment.field_averaging_s)
-            double = own / double_factor if abs(double_factor) >= 0.1 else double
+        if 2.0 * frequencies[k] in doubles and abs(double_factor) >= 0.1:
+            double = lines_mT[count + doubles.index(2.0 * frequencies[k])] / double_factor
+        blurred = None
+        if frequencies[k] * step_s >= 0.45:
+            blurred = "the field was sampled too slowly for the driven frequency"
+        elif any(abs(f - frequencies[k]) * span_s < 1.0 for f in np.delete(frequencies, k)):
+            blurred = "another axis was driven at almost the same frequency"
+        elif abs(factor) < 0.1:
+            blurred, factor = "the gaussmeter's averaging removes the driven frequency", 1.0
+        absent = _absent(axes, segment.drive, frequencies, k, lines_mT, variance[k], scatter_mT)
         lines.append(
             FieldLine(
                 axes=axes,
@@ -265,24 +274,11 @@ def _linear_fit(
                 phasor_mT=lines_mT[k] / factor,
                 variance_mT2=variance[k] / factor**2,
                 second_mT=double,
-                problem=problem,
+                problem=blurred or absent,
                 measured=blurred is None,
             )
         )
     return FieldFit(tuple(lines), ambient, wild)
-
-
-def _blurred(
-    frequencies: list[float], k: int, step_s: float, span_s: float, factor: float
-) -> str | None:
-    """Return why the field record cannot show a line, None where it can."""
-    if frequencies[k] * step_s >= 0.45:
-        return "the field was sampled too slowly for the driven frequency"
-    if any(abs(f - frequencies[k]) * span_s < 1.0 for j, f in enumerate(frequencies) if j != k):
-        return "another axis was driven at almost the same frequency"
-    if abs(factor) < 0.1:
-        return "the gaussmeter's averaging removes the driven frequency"
-    return None
 
 
 def _absent(
@@ -323,9 +319,3 @@ def _absent(
                 "lost or copied"
             )
     return None
-
-
-def _empty(axes: tuple[str, ...], frequency_Hz: float, problem: str) -> FieldLine:
-    nothing = np.zeros(3, dtype=np.complex128)
-    zero = np.zeros(3)
-    return FieldLine(axes, frequency_Hz, 0.0, nothing, zero, nothing, problem, measured=False)

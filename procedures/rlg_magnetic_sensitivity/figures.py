@@ -13,8 +13,9 @@ from station.results import ResultDocument
 
 from . import plots, spectrum_plot
 from .coils import CoilResponse
-from .dataset import AXES, LineDetail, RlgAnalysis, Segment, SegmentDetail
+from .dataset import AXES
 from .evaluate import RlgDetail
+from .fitted import FittedRecord, LineDetail
 from .steadiness import Tested
 
 TESTS = {
@@ -27,17 +28,22 @@ TESTS = {
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
     """Return the parts of the report, from the most to the least condensed."""
     detail: RlgDetail = findings.detail
-    analysis: RlgAnalysis = detail.analysis
+    analysis = detail.analysis
     if not analysis.segments:
         return ()
     parts: list[Part] = [plots.summary(document)]
-    records = zip(analysis.segments, detail.dataset.segments, strict=True)
-    for number, (record, segment) in enumerate(records):
+    for number, record in enumerate(analysis.segments):
         lines = [line for line in analysis.lines if line.segment == number]
-        if len(record.time_s) > 2 and lines:
+        if len(record.segment.time_s) > 2 and lines:
             read = any(p.value is not None for p in analysis.published if p.axis in record.axes)
-            parts += _record_plots(record, lines, segment, read)
-    parts += _overviews(analysis)
+            parts.append(plots.time_series(record, lines))
+            parts.append(spectrum_plot.spectrum(record, lines, published=read))
+            if record.gyro.residual_sigma_deg_per_h > 0.0:
+                parts.append(plots.residuals(record))
+    if any(line.slope is not None for line in analysis.lines):
+        parts.append(spectrum_plot.phase_diagram(analysis.lines))
+    if any(len(record.allan.tau_s) for record in analysis.segments):
+        parts.append(spectrum_plot.allan(analysis.segments))
     if analysis.lines:
         parts.append(line_table(analysis.lines))
     if detail.coils:
@@ -47,36 +53,14 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     return (*parts, record_table(analysis.segments))
 
 
-def _overviews(analysis: RlgAnalysis) -> list[Part]:
-    """Return what all records have in common: responses against the field, and the noise."""
-    parts: list[Part] = []
-    if any(line.slope is not None for line in analysis.lines):
-        parts.append(spectrum_plot.phase_diagram(analysis.lines))
-    if any(len(detail.allan.tau_s) for detail in analysis.segments):
-        parts.append(spectrum_plot.allan(analysis.segments))
-    return parts
-
-
-def _record_plots(
-    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment, published: bool
-) -> list[Part]:
-    parts: list[Part] = [
-        plots.time_series(detail, lines, segment),
-        spectrum_plot.spectrum(detail, lines, segment, published=published),
-    ]
-    if np.isfinite(detail.residual_sigma_deg_per_h) and detail.residual_sigma_deg_per_h > 0.0:
-        parts.append(plots.residuals(detail, segment.quantum_deg_per_h))
-    return parts
-
-
 def line_table(driven: Sequence[LineDetail]) -> Table:
     """Return the lines as columns: what was driven, what answered, along and across the field."""
     rows: list[tuple[str, Callable[[LineDetail], str]]] = [
         (
             "Frequency, fitted to the field, Hz",
-            lambda x: with_u(x.frequency_Hz, x.frequency_uncertainty_Hz),
+            lambda x: with_u(x.frequency_Hz, x.field.frequency_uncertainty_Hz),
         ),
-        ("Field amplitude, mT", lambda x: format_number(x.field_amplitude_mT, 5)),
+        ("Field amplitude, mT", lambda x: format_number(abs(x.own_field_mT), 5)),
         ("Field phase at the record’s middle, deg", lambda x: f"{x.field_phase_deg:.1f}"),
         (
             "Ambient field along the axis, mT",
@@ -154,32 +138,30 @@ def check_table(tested: Sequence[Tested]) -> Table:
     )
 
 
-def record_table(segments: Sequence[SegmentDetail]) -> Table:
+def record_table(records: Sequence[FittedRecord]) -> Table:
     """Return each record with its noise: what was kept, drift, and the noise coefficients."""
     rows = []
-    for detail in segments:
-        noise = detail.noise
-        kept = int(detail.kept.sum())
-        coefficients = (
-            [NOTHING] * 4
-            if noise is None
-            else [
+    for record in records:
+        gyro, noise, count = record.gyro, record.noise, len(record.gyro.kept)
+        floor = float(gyro.noise_floor_deg_per_h[0]) if record.fitted else None
+        coefficients = [NOTHING] * 4
+        if noise is not None:
+            coefficients = [
                 format_number(noise.quantisation_arcsec, 2),
                 format_number(noise.angle_random_walk_deg_per_sqrt_h, 3),
                 format_number(noise.bias_instability_deg_per_h, 2),
                 format_number(noise.rate_random_walk_deg_per_h_sqrt_h, 2),
             ]
-        )
         rows.append(
             [
-                plots.joined(detail.axes),
-                str(len(detail.time_s)),
-                str(len(detail.kept) - kept),
-                str(detail.drift_order),
-                str(detail.autoregression_order),
-                f"{detail.lag_one_correlation:.3f}",
-                format_number(detail.residual_sigma_deg_per_h, 3),
-                format_number(random_walk(detail, detail.noise_floor_deg_per_h), 3),
+                plots.joined(record.axes),
+                str(count),
+                str(count - int(gyro.kept.sum())),
+                str(gyro.drift_order),
+                str(gyro.autoregression_order),
+                f"{gyro.lag_one_correlation:.3f}",
+                format_number(gyro.residual_sigma_deg_per_h, 3),
+                format_number(random_walk(record, floor), 3),
                 *coefficients,
             ]
         )
@@ -207,15 +189,15 @@ def record_table(segments: Sequence[SegmentDetail]) -> Table:
     )
 
 
-def random_walk(detail: SegmentDetail, floor_deg_per_h: float | None) -> float | None:
+def random_walk(record: FittedRecord, floor_deg_per_h: float | None) -> float | None:
     """Return the angle random walk in deg/sqrt(h) of white noise with this floor.
 
     The floor is 2 sigma / sqrt(N) with sigma = 60 Q / sqrt(tau0): Q = floor sqrt(N tau0) / 120.
     """
-    if floor_deg_per_h is None or len(detail.time_s) < 2:
+    if floor_deg_per_h is None or len(record.segment.time_s) < 2:
         return None
-    interval_s = float(np.median(np.diff(detail.time_s)))
-    return floor_deg_per_h * float(np.sqrt(detail.kept.sum() * interval_s)) / 120.0
+    interval_s = float(np.median(np.diff(record.segment.time_s)))
+    return floor_deg_per_h * float(np.sqrt(record.gyro.kept.sum() * interval_s)) / 120.0
 
 
 def line_name(line: LineDetail, driven: Sequence[LineDetail]) -> str:
@@ -232,9 +214,10 @@ def response(line: LineDetail) -> str:
 
 def phase_before_field(line: LineDetail) -> str:
     """Return by how many deg the response comes before the field, within half a turn."""
-    if line.gyro_phase_deg is None:
+    if line.gyro_phasor_deg_per_h is None:
         return NOTHING
-    return f"{(line.gyro_phase_deg - line.field_phase_deg + 180.0) % 360.0 - 180.0:.0f}"
+    phase_deg = float(np.degrees(np.angle(line.gyro_phasor_deg_per_h)))
+    return f"{(phase_deg - line.field_phase_deg + 180.0) % 360.0 - 180.0:.0f}"
 
 
 def with_u(value: float | None, uncertainty: float | None) -> str:

@@ -4,90 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
-
-from procedures.estimation.flags import Gaps, excitation_flags, gaps_of, not_identifiable, too_stiff
+from procedures.estimation.flags import excitation_flags, not_identifiable
 from station.findings import Estimate, Flag
 
-from .dataset import AXES, UNDRIVEN, Averaged, LineDetail, Segment, SegmentDetail
-from .field import FieldFit
-from .frequencies import loss
+from .dataset import AXES, UNDRIVEN, Segment
+from .fitted import FittedRecord, LineDetail
 from .parameters import AnalysisSettings
 
 MATTERS = 0.5
 """Of u: what an axis that was not driven may add before it is flagged."""
 
 
-def record_flags(segment: Segment, detail: SegmentDetail, settings: AnalysisSettings) -> list[Flag]:
-    """Return the flags of one segment's record and of the model fitted to it."""
-    axis = detail.axis
-    named = " and ".join(detail.axes)
-    flags: list[Flag] = []
-    before = segment.averaged
-    rejected = int(np.sum(~detail.kept)) + (before.rejected if before else 0)
-    if before:
-        flags.append(_averaged(segment, before, axis, named))
-    if rejected:
-        samples = before.samples if before else len(detail.kept)
-        outliers_text = (
-            f"{rejected} of {samples} gyro samples of the record with {named} driven "
-            f"lie more than {settings.outlier:g} sigma from the fit and were left out."
-        )
-        flags.append(Flag("outliers-rejected", outliers_text, axis, {"count": rejected}))
-    flags += _gap(segment, axis, named, settings)
-    if detail.lag_one_correlation > settings.model_too_stiff:
-        of = f" of the record with {named} driven"
-        flags.append(too_stiff(detail.lag_one_correlation, of, axis=axis))
-    if detail.drift_evident:
-        drift_text = (
-            f"The output drifted while {named} was driven; a polynomial of order "
-            f"{detail.drift_order} was fitted with the lines and removed."
-        )
-        flags.append(Flag("drift-removed", drift_text, axis, {"order": detail.drift_order}))
-    return flags
-
-
-def _averaged(segment: Segment, before: Averaged, axis: str | None, named: str) -> Flag:
-    highest_Hz = max((driven.frequency_Hz for driven in segment.drive.values()), default=0.0)
-    lost = loss(before.group, before.sample_interval_s, highest_Hz)
-    samples_text = (
-        f"The record with {named} driven holds {before.samples} gyro samples, which were averaged "
-        f"in groups of {before.group}: it is evaluated as if sampled every "
-        f"{segment.sample_interval_s:g} s, with an uncertainty up to {100.0 * lost:.2g} % larger."
-    )
-    return Flag(
-        "samples-averaged",
-        samples_text,
-        axis,
-        {"count": before.samples, "group": before.group, "relative_loss": lost},
-    )
-
-
-def _gap(segment: Segment, axis: str | None, named: str, settings: AnalysisSettings) -> list[Flag]:
-    if segment.averaged is None:
-        interval_s = segment.sample_interval_s
-        gaps = gaps_of(segment.time_s, interval_s, settings.gap)
-        gaps = replace(gaps, missing=segment.places - len(segment.time_s) if gaps.count else 0)
-    else:
-        before = segment.averaged
-        interval_s = before.sample_interval_s
-        gaps = Gaps(before.gaps, before.places - before.samples, before.longest_gap_s)
-    consequence = "the fit uses the time stamps"
-    if gaps.missing:
-        consequence += ", the published formula needs an unbroken row and was not evaluated"
-    return gaps.flags(f"The gyro record with {named} driven has", interval_s, consequence, axis)
-
-
-def field_flags(segment: Segment, field: FieldFit) -> list[Flag]:
+def field_flags(record: FittedRecord) -> list[Flag]:
     """Return the flags of coils whose measured field is not the commanded one.
 
     What the gaussmeter did not see is zero throughout, and says nothing.
     """
     flags: list[Flag] = []
+    segment = record.segment
     seen = [bool(component.any()) for component in segment.field_mT.T]
-    for line in (line for line in field.lines if line.measured):
+    for line in (line for line in record.field.lines if line.measured):
         for axis in line.axes:
             commanded_mT = segment.drive[axis].amplitude_mT
             if commanded_mT > 0.0:
@@ -120,11 +57,11 @@ def drive_flags(
         drive = segment.drive[line.axis]
         if drive.amplitude_mT <= 0.0:
             continue
-        off = line.field_amplitude_mT / drive.amplitude_mT - 1.0
+        off = abs(line.own_field_mT) / drive.amplitude_mT - 1.0
         if abs(off) > settings.field_differs_from_commanded:
             field_text = (
                 f"The measured field on {line.axis} has an amplitude of "
-                f"{line.field_amplitude_mT:.5g} mT, {100.0 * off:+.3g} % from the commanded "
+                f"{abs(line.own_field_mT):.5g} mT, {100.0 * off:+.3g} % from the commanded "
                 f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
                 "field. Check coil, supply and gaussmeter."
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.special import fdtrc
@@ -11,7 +12,6 @@ from scipy.special import fdtrc
 from procedures.estimation.linear import Columns, Rows, least_squares, reject_outliers
 from procedures.estimation.noise import (
     LocalNoise,
-    Periodogram,
     fit_autoregression,
     grid_index,
     lag_one_correlation,
@@ -41,7 +41,6 @@ class Overtone:
     `chance` is how often noise alone has as much.
     """
 
-    frequency_Hz: float
     driven_Hz: float
     power: float
     chance: float
@@ -49,18 +48,20 @@ class Overtone:
 
 @dataclass(frozen=True)
 class GyroFit:
-    """Phasors of the driven lines and of their doubles, with covariance and freedom.
+    """Phasors of the fitted lines with covariance and freedom: the driven lines, then all others.
 
-    `phasor_deg_per_h` (2 k,) holds k driven lines, then k doubles (zero and not in
-    `has_double` where twice the frequency has no room); `lines_deg_per_h` is the part of the model
-    that all fitted lines make, drift left out; `covariance` (4 k, 4 k) is that of the
-    real and imaginary parts, in pairs. Interval averaging is corrected.
+    `phasor_deg_per_h` is (m,), `covariance` (2 m, 2 m) that of real and imaginary parts, in pairs;
+    interval averaging is corrected. `double` says which line is twice each driven one, None where
+    twice the frequency has no room. `lines_deg_per_h` is the part of the model that all lines make,
+    drift left out; `kept` marks the samples that the fit used. `noise_floor_deg_per_h` (m,) is the
+    expected root mean square ordinate of the published spectrum next to a line if there were none.
+    `drift_order` is the order of the fit; `drift_evident` says whether the data prove any drift.
     """
 
     phasor_deg_per_h: Complex
     covariance: Array
     degrees_of_freedom: Array
-    has_double: Mask
+    double: tuple[int | None, ...]
     model_deg_per_h: Array
     lines_deg_per_h: Array
     residual_deg_per_h: Array
@@ -81,27 +82,12 @@ def extra_lines(frequencies: Sequence[float], span_s: float, interval_s: float) 
     come within 1/T of a line that is there already.
     """
     lines = list(frequencies)
-    extra: list[float] = []
-
-    def room(f: float) -> bool:
-        return all(abs(f - g) * span_s >= 1.0 for g in lines)
-
-    mixed = [
-        sign
-        for i, f in enumerate(frequencies)
-        for g in frequencies[i + 1 :]
-        for sign in (abs(f - g), f + g)
-    ]
+    mixed = [g for a, b in combinations(frequencies, 2) for g in (abs(a - b), a + b)]
     for f in [2.0 * f for f in frequencies] + mixed:
-        if 1.5 / span_s < f < 0.5 / interval_s - 1.0 / span_s and room(f):
+        apart = all(abs(f - g) * span_s >= 1.0 for g in lines)
+        if apart and 1.5 / span_s < f < 0.5 / interval_s - 1.0 / span_s:
             lines.append(f)
-            extra.append(f)
-    return extra
-
-
-def columns_needed(lines: int, settings: AnalysisSettings) -> int:
-    """Return how many unknowns the fit of that many lines has."""
-    return 2 * lines + settings.max_drift_order + 1
+    return lines[len(frequencies) :]
 
 
 def fit_gyro(
@@ -121,11 +107,12 @@ def fit_gyro(
     index_all = grid_index(time_all, interval_s)
     span_s = float(index_all[-1] + 1) * interval_s
     extra = extra_lines(frequencies, span_s, interval_s)
-    top = settings.max_drift_order
-    while extra and len(time_all) < 4 * columns_needed(len(frequencies) + len(extra), settings):
+    driven, top = len(frequencies), settings.max_drift_order
+    while extra and len(time_all) < 4 * (2 * (driven + len(extra)) + top + 1):
         extra.pop()
     lines = [*frequencies, *extra]
-    if len(time_all) < 2 * columns_needed(len(lines), settings):
+    line_count = 2 * len(lines)
+    if len(time_all) < 2 * (line_count + top + 1):
         return None
     start_s, stop_s = float(time_all[0]), float(time_all[-1])
     moved = time_all - 0.5 * (start_s + stop_s)
@@ -141,106 +128,93 @@ def fit_gyro(
     kept = reject_outliers(design, data, settings.outlier, 0.6 * quantum, quantum)
     used, data_kept, index = design.where(kept), data[kept], index_all[kept] - index_all[kept][0]
 
+    samples = len(data_kept)
     first = least_squares(used, data_kept)
-    top_order = min(settings.max_autoregression_order, len(data_kept) // 20)
+    top_order = min(settings.max_autoregression_order, samples // 20)
     colour = fit_autoregression(first.residuals, index, top_order)
     white = whitened(used, index, colour)
     white_data = whitened(Columns.of(data_kept[:, None]), index, colour).times(np.ones(1))
     full = least_squares(white, white_data)
-    line_count = 2 * len(lines)
     sums = full.sum_of_squares + np.append(np.cumsum(full.gains[line_count + 1 :][::-1])[::-1], 0.0)
-    samples = len(data_kept)
     # A slope costs next to nothing over whole cycles and its absence biases the lines: it is always
     # in the fit. Drift is reported only when the evidence is beyond doubt.
     order = max(drift_order(sums, samples, 1.0), min(1, top))
-    evident = drift_order(sums, samples, 2.0) >= 1
     unknowns = line_count + order + 1
     fit = least_squares(white.first(unknowns), white_data)
     freedom = max(samples - unknowns, 1)
-    sigma2 = fit.sum_of_squares / freedom
+    overall = LocalNoise(fit.sum_of_squares / freedom, float(max(freedom - colour.order, 1)))
+    spectrum = periodogram(fit.residuals, index, interval_s)
+    band_Hz = 0.5 * (order + 2) / span_s, 0.5 / interval_s - 0.5 / span_s
+
+    def noise_at(f: float, others: Sequence[float]) -> LocalNoise:
+        return noise_near_line(spectrum, f, others, *band_Hz, overall, colour.order > 0)
+
+    def has_overtone(driven_Hz: float) -> bool:
+        triple = 3.0 * driven_Hz
+        return triple <= band_Hz[1] and all(abs(triple - f) * spectrum.span_s >= 1.5 for f in lines)
+
+    def overtone_of(driven_Hz: float) -> Overtone:
+        noise = noise_at(3.0 * driven_Hz, lines)
+        place = int(np.argmin(np.abs(spectrum.frequency_Hz - 3.0 * driven_Hz)))
+        power = float(spectrum.ordinate[place]) / noise.variance if noise.variance > 0.0 else 0.0
+        return Overtone(driven_Hz, power, float(fdtrc(2.0, noise.degrees_of_freedom, power)))
 
     model = design.first(unknowns).times(fit.coefficients)
     residuals = data - model
-    result_lines = _line_slots(frequencies, extra)
-    phasor = np.zeros(2 * len(frequencies), dtype=np.complex128)
-    scale = np.zeros(4 * len(frequencies))
-    picks = np.zeros(4 * len(frequencies), dtype=np.int64)
-    overall = LocalNoise(sigma2, float(max(freedom - colour.order, 1)))
-    freedoms = np.full(2 * len(frequencies), overall.degrees_of_freedom)
-    spectrum = periodogram(fit.residuals, index, interval_s)
-    lowest_Hz = 0.5 * (order + 2) / span_s
-    highest_Hz = 0.5 / interval_s - 0.5 / span_s
-    band = (lowest_Hz, highest_Hz)
-    all_phasors = phasors(fit.coefficients[:line_count])
-    for slot, place in enumerate(result_lines):
-        if place is None:
-            continue
-        f = lines[place]
-        factor = averaging_factor(f, interval_s)
-        others = lines[:place] + lines[place + 1 :]
-        near = noise_near_line(spectrum, f, others, *band, overall, colour.order > 0)
-        freedoms[slot] = near.degrees_of_freedom
-        phasor[slot] = all_phasors[place] / factor
-        picks[2 * slot : 2 * slot + 2] = (2 * place, 2 * place + 1)
-        scale[2 * slot : 2 * slot + 2] = np.sqrt(near.variance) / factor
-    signs = np.tile([1.0, -1.0], 2 * len(frequencies)) * scale
-    covariance = fit.inverse_normal[np.ix_(picks, picks)] * np.outer(signs, signs)
+    near = [noise_at(f, lines[:k] + lines[k + 1 :]) for k, f in enumerate(lines)]
+    factors = np.array([averaging_factor(f, interval_s) for f in lines])
+    scale = np.sqrt([noise.variance for noise in near]) / factors
+    signed = np.repeat(scale, 2) * np.tile([1.0, -1.0], len(lines))
+    covariance = fit.inverse_normal[:line_count, :line_count] * np.outer(signed, signed)
     power = np.diag(covariance).reshape(-1, 2).sum(axis=1)
-    factors = np.array([averaging_factor(f, interval_s) for f in frequencies])
-    everything = np.full(len(segment.time_s), np.nan)
-    everything[finite] = model + mean
-    alone = np.full(len(segment.time_s), np.nan)
-    alone[finite] = design.first(line_count).times(fit.coefficients[:line_count])
-    leftover = np.full(len(segment.time_s), np.nan)
-    leftover[finite] = residuals
-    mask = np.zeros(len(segment.time_s), dtype=bool)
+
+    def everywhere(values: Array) -> Array:
+        column = np.full(len(segment.time_s), np.nan)
+        column[finite] = values
+        return column
+
+    mask = finite.copy()
     mask[finite] = kept
     return GyroFit(
-        phasor_deg_per_h=phasor,
+        phasor_deg_per_h=phasors(fit.coefficients[:line_count]) / factors,
         covariance=covariance,
-        degrees_of_freedom=freedoms,
-        has_double=np.array([p is not None for p in result_lines[len(frequencies) :]], dtype=bool),
-        model_deg_per_h=everything,
-        lines_deg_per_h=alone,
-        residual_deg_per_h=leftover,
+        degrees_of_freedom=np.array([noise.degrees_of_freedom for noise in near]),
+        double=tuple(lines.index(2.0 * f) if 2.0 * f in extra else None for f in frequencies),
+        model_deg_per_h=everywhere(model + mean),
+        lines_deg_per_h=everywhere(design.first(line_count).times(fit.coefficients[:line_count])),
+        residual_deg_per_h=everywhere(residuals),
         kept=mask,
         drift_order=order,
-        drift_evident=evident,
+        drift_evident=drift_order(sums, samples, 2.0) >= 1,
         autoregression_order=colour.order,
         lag_one_correlation=lag_one_correlation(residuals[kept], index),
         residual_sigma_deg_per_h=float(np.sqrt(np.mean(residuals[kept] ** 2) * samples / freedom)),
-        noise_floor_deg_per_h=np.sqrt(power[: len(frequencies)]) * np.abs(factors),
-        overtones=_overtones(frequencies, lines, spectrum, band, overall, colour.order > 0),
+        noise_floor_deg_per_h=np.sqrt(power) * np.abs(factors),
+        overtones=tuple(overtone_of(f) for f in frequencies if has_overtone(f)),
     )
 
 
-def _overtones(
-    frequencies: Sequence[float],
-    lines: Sequence[float],
-    spectrum: Periodogram,
-    band_Hz: tuple[float, float],
-    overall: LocalNoise,
-    coloured: bool,
-) -> tuple[Overtone, ...]:
-    """Return what stands at three times each driven frequency, where no fitted line is near."""
-    overtones = []
-    for f in frequencies:
-        triple = 3.0 * f
-        if triple > band_Hz[1] or any(abs(triple - g) * spectrum.span_s < 1.5 for g in lines):
-            continue
-        near = noise_near_line(spectrum, triple, lines, *band_Hz, overall, coloured)
-        place = int(np.argmin(np.abs(spectrum.frequency_Hz - triple)))
-        ratio = float(spectrum.ordinate[place]) / near.variance if near.variance > 0.0 else 0.0
-        chance = float(fdtrc(2.0, near.degrees_of_freedom, ratio))
-        overtones.append(Overtone(triple, f, ratio, chance))
-    return tuple(overtones)
-
-
-def _line_slots(frequencies: Sequence[float], extra: list[float]) -> list[int | None]:
-    slots: list[int | None] = list(range(len(frequencies)))
-    first = len(frequencies)
-    doubles = [2.0 * f for f in frequencies]
-    return slots + [first + extra.index(f) if f in extra else None for f in doubles]
+def no_fit(segment: Segment) -> GyroFit:
+    """Return what stands in the place of a fit where none is possible."""
+    none, blank = np.zeros(0), np.full(len(segment.time_s), np.nan)
+    kept = np.isfinite(segment.rate_deg_per_h)
+    return GyroFit(
+        none.astype(np.complex128),
+        none,
+        none,
+        (),
+        blank,
+        blank,
+        blank,
+        kept,
+        0,
+        False,
+        0,
+        0.0,
+        np.nan,
+        none,
+        (),
+    )
 
 
 def published_value(segment: Segment, axis: str) -> Published:
@@ -251,43 +225,31 @@ def published_value(segment: Segment, axis: str) -> Published:
     written, nothing is filled in and the value is None. Of a record that is averaged the lines that
     the rule reads were summed up from its samples before.
     """
-    drive = segment.drive[axis]
-    amplitude = (
-        _amplitude(segment, drive.frequency_Hz)
-        if segment.averaged is None
-        else segment.averaged.amplitude_deg_per_h[axis]
-    )
+    drive, rate = segment.drive[axis], segment.rate_deg_per_h
+    amplitude = None
+    if segment.averaged is not None:
+        amplitude = segment.averaged.amplitude_deg_per_h[axis]
+    elif len(rate) and segment.places == len(rate) and np.isfinite(rate).all():
+        spectrum = amplitude_spectrum(rate, segment.sample_interval_s)
+        amplitude = peak_near(*spectrum, drive.frequency_Hz)
     value = None
     if amplitude is not None and drive.amplitude_mT > 0.0:
         value = amplitude / drive.amplitude_mT
     return Published(QUANTITY, axis, value, UNIT, "dft-peak")
 
 
-def _amplitude(segment: Segment, wanted_Hz: float) -> float | None:
-    rate = segment.rate_deg_per_h
-    whole = len(rate) >= 3 and segment.places == len(rate) and bool(np.all(np.isfinite(rate)))
-    if not whole:
-        return None
-    frequency_Hz, amplitude = amplitude_spectrum(rate, segment.sample_interval_s)
-    return peak_near(frequency_Hz, amplitude, wanted_Hz)
-
-
 def plotted_spectrum(segment: Segment) -> tuple[Array, Array]:
     """Return the spectrum of S6 to look at; where rows are missing, about the mean without them."""
-    if len(segment.time_s) < 3:
-        return np.zeros(0), np.zeros(0)
-    rate = np.where(np.isfinite(segment.rate_deg_per_h), segment.rate_deg_per_h, np.nan)
-    index = grid_index(segment.time_s, segment.sample_interval_s)
+    rate = segment.rate_deg_per_h
     present = np.isfinite(rate)
-    places = segment.places
-    if bool(present.all()) and places == len(index):
-        return amplitude_spectrum(rate, segment.sample_interval_s)
-    if not bool(present.any()):
+    if len(rate) < 3 or not present.any():
         return np.zeros(0), np.zeros(0)
-    mean = float(np.mean(rate[present]))
-    series = np.zeros(places)
-    series[index[present]] = rate[present] - mean
+    whole = bool(present.all()) and segment.places == len(rate)
+    mean = 0.0 if whole else float(np.mean(rate[present]))
+    series = np.zeros(segment.places)
+    series[grid_index(segment.time_s, segment.sample_interval_s)[present]] = rate[present] - mean
     frequency_Hz, amplitude = amplitude_spectrum(series, segment.sample_interval_s)
-    amplitude *= places / int(present.sum())
-    amplitude[0] = abs(mean)
+    if not whole:
+        amplitude *= len(series) / int(present.sum())
+        amplitude[0] = abs(mean)
     return frequency_Hz, amplitude

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -26,9 +27,10 @@ from station.plots import (
     Rule,
     Steps,
 )
-from station.results import Result, ResultDocument
+from station.results import ResultDocument
 
-from .dataset import AXES, Array, LineDetail, Mask, Segment, SegmentDetail, middle_of
+from .dataset import AXES, Array, Mask
+from .fitted import FittedRecord, LineDetail
 
 COLOUR = {"IA": BLUE, "NA": VERMILION, "LA": GREEN}
 DASHES = {"IA": "-", "NA": "--", "LA": "-."}
@@ -42,60 +44,54 @@ WITHIN = "within the limit"
 LIMIT = "limit"
 
 
-def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Plot:
+def time_series(record: FittedRecord, lines: Sequence[LineDetail]) -> Plot:
     """Return samples, their mean and the driving field: the whole record, and a few periods."""
-    time_s = detail.time_s - float(detail.time_s[0])
-    end_s = float(time_s[-1])
-    period_s = 1.0 / lines[0].frequency_Hz
+    segment, gyro = record.segment, record.gyro
+    time_s = segment.time_s - float(segment.time_s[0])
+    period_s, end_s = 1.0 / lines[0].frequency_Hz, float(time_s[-1])
     # A whole number of samples: counted pulses would beat with anything else.
     interval_s = float(np.median(np.diff(time_s)))
     window_s = max(2, round(MEAN_PERIODS * period_s / interval_s)) * interval_s
     zoom_s = min(ZOOM_PERIODS * period_s, end_s)
-    low, high = _limits_of_kept(detail)
-    several = len(detail.axes) > 1
+    low, high = _limits_of_kept(record)
+    several = len(record.axes) > 1
     source = "measured" if len(segment.field_time_s) else "fitted"
     panels = []
     for column, (until_s, size) in enumerate(((end_s, 1.3), (zoom_s, 2.6))):
-        inside = time_s <= until_s
+        inside, x = time_s <= until_s, Axis(low=0.0, high=until_s)
+        at_s, rate = time_s[inside], segment.rate_deg_per_h[inside]
         shown = np.linspace(0.0, until_s, 1200)
-        smooth = running_mean(time_s, detail.rate_deg_per_h, detail.kept, shown, window_s)
-        label = f"mean over {window_s:.3g} s" if column else ""
-        mean = [Line(shown, smooth, width=1.0, label=label)]
+        smooth = running_mean(time_s, segment.rate_deg_per_h, gyro.kept, shown, window_s)
+        samples: list[Item] = [Points(at_s, rate, marker=".", colour=GREY, size=size)]
+        mean: list[Item] = [Line(shown, smooth, width=1.0)]
+        left = "samples, deg/h", "their mean, deg/h", f"{source} field, mT"
+        y = [Axis(left[0], low=low, high=high), Axis(left[1]), Axis(left[2])]
         if column:
-            fit = detail.model_deg_per_h[inside]
-            mean.append(Line(time_s[inside], fit, dashes="--", colour=BLACK, label="fit"))
-        samples = Points(
-            time_s[inside], detail.rate_deg_per_h[inside], marker=".", colour=GREY, size=size
-        )
+            fit = gyro.model_deg_per_h[inside]
+            mean = [
+                Line(shown, smooth, width=1.0, label=f"mean over {window_s:.3g} s"),
+                Line(at_s, fit, dashes="--", colour=BLACK, label="fit"),
+            ]
+            y = [Axis(low=low, high=high), Axis(room=0.25), Axis(room=0.3 * several)]
+        field = _field(record, lines, until_s, labelled=several and column > 0)
+        x_below = Axis("time in the record, s", low=0.0, high=until_s)
+        title = f"Its first {zoom_s:.3g} s" if column else "The whole record"
+        rows = ((samples, x, title, 1), (mean, x, "", 2), (field, x_below, "", 3))
         panels += [
             Panel(
-                (samples,),
-                title=f"Its first {zoom_s:.3g} s" if column else "The whole record",
+                tuple(items),
+                title=title,
+                row=row,
                 column=column,
-                x=Axis(low=0.0, high=until_s),
-                y=Axis("" if column else "samples, deg/h", low=low, high=high),
-            ),
-            Panel(
-                tuple(mean),
-                row=1,
-                column=column,
-                x=Axis(low=0.0, high=until_s),
-                y=Axis(room=0.25) if column else Axis("their mean, deg/h"),
+                x=below,
+                y=y[row],
                 legend="upper right",
-                legend_columns=2,
-            ),
-            Panel(
-                tuple(_field(detail, lines, segment, until_s, labelled=several and column > 0)),
-                row=2,
-                column=column,
-                x=Axis("time in the record, s", low=0.0, high=until_s),
-                y=Axis(room=0.3 * several) if column else Axis(f"{source} field, mT"),
-                legend="upper right",
-                legend_columns=3,
-            ),
+                legend_columns=columns,
+            )
+            for row, (items, below, title, columns) in enumerate(rows)
         ]
     return Plot(
-        f"{joined(detail.axes)} driven: the record",
+        f"{joined(record.axes)} driven: the record",
         "Output of the gyro: single samples; their running mean, in which the response to "
         "the field shows where it is strong enough. Below, the driving field.",
         tuple(panels),
@@ -110,63 +106,45 @@ def time_series(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Seg
 
 
 def _field(
-    detail: SegmentDetail,
-    lines: Sequence[LineDetail],
-    segment: Segment,
-    until_s: float,
-    *,
-    labelled: bool,
-) -> list[Line]:
+    record: FittedRecord, lines: Sequence[LineDetail], until_s: float, *, labelled: bool
+) -> list[Item]:
     """Return the measured field of the driven axes, the fitted one where none was given."""
-    start_s = float(detail.time_s[0])
-    if len(segment.field_time_s):
-        field_s, field_mT = segment.field_time_s - start_s, segment.field_mT
-    else:
+    segment, start_s = record.segment, float(record.segment.time_s[0])
+    field_s, field_mT = segment.field_time_s - start_s, segment.field_mT
+    if not len(field_s):
         field_s = np.linspace(0.0, until_s, 4000)
-        field_mT = fitted_field_mT(detail, lines, field_s + start_s)
+        field_mT = fitted_field_mT(lines, field_s + start_s - segment.middle_s)
     inside = field_s <= until_s
-    several = len(detail.axes) > 1
     return [
         Line(
             field_s[inside],
             field_mT[inside, AXES.index(axis)],
             colour=COLOUR[axis],
             width=0.9,
-            dashes=DASHES[axis] if several else "-",
+            dashes=DASHES[axis] if len(record.axes) > 1 else "-",
             label=axis if labelled else "",
         )
-        for axis in detail.axes
+        for axis in record.axes
     ]
 
 
-def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Plot:
+def residuals(record: FittedRecord) -> Plot:
     """Return what the fit left against time, rejected samples marked, and its distribution.
 
-    `quantum` is one pulse in deg/h where the output is counts: the bins are then as wide as it.
-    The segment must have been fitted (its residual sigma above zero).
+    Where the output is counts the bins are as wide as a pulse. The segment must have been fitted
+    (its residual sigma above zero).
     """
-    time_s = detail.time_s - float(detail.time_s[0])
-    left, kept = detail.residual_deg_per_h, detail.kept
-    sigma = detail.residual_sigma_deg_per_h
+    gyro, quantum = record.gyro, record.segment.quantum_deg_per_h
+    time_s = record.segment.time_s - float(record.segment.time_s[0])
+    left, kept, sigma = gyro.residual_deg_per_h, gyro.kept, gyro.residual_sigma_deg_per_h
     edge = EDGE_SIGMA * sigma
     items: list[Item] = [Points(time_s[kept], left[kept], marker=".", size=1.6)]
-    out = np.flatnonzero(~kept & np.isfinite(left))
-    items += [
-        Points(
-            time_s[places],
-            np.clip(left[places], -edge, edge),
-            marker=marker,
-            colour=VERMILION,
-            size=6.0,
-            beyond=True,
-        )
-        for places, marker in (
-            (out[np.abs(left[out]) < edge], "x"),
-            (out[left[out] >= edge], "^"),
-            (out[left[out] <= -edge], "v"),
-        )
-        if len(places)
-    ]
+    rejected = partial(Points, colour=VERMILION, size=6.0, beyond=True)
+    out = ~kept & np.isfinite(left)
+    for here, marker in ((np.abs(left) < edge, "x"), (left >= edge, "^"), (left <= -edge, "v")):
+        if len(places := np.flatnonzero(out & here)):
+            height = np.clip(left[places], -edge, edge)
+            items.append(rejected(time_s[places], height, marker=marker))
     heights, edges = np.histogram(left[kept], bins=_bin_edges(left[kept], sigma, quantum))
     level = np.linspace(-5.0 * sigma, 5.0 * sigma, 200)
     normal = np.exp(-0.5 * (level / sigma) ** 2) / (np.sqrt(2.0 * np.pi) * sigma)
@@ -179,9 +157,9 @@ def residuals(detail: SegmentDetail, quantum: float = 0.0) -> Plot:
         else ""
     )
     return Plot(
-        f"{joined(detail.axes)} driven: what the fit leaves",
+        f"{joined(record.axes)} driven: what the fit leaves",
         "Residuals should be noise without a shape. Their lag-1 correlation is "
-        f"{signed(detail.lag_one_correlation)}{counted}; "
+        f"{signed(gyro.lag_one_correlation)}{counted}; "
         f"the curve is a normal distribution of the same spread.{outside}",
         (
             Panel(
@@ -234,19 +212,21 @@ def running_mean(time_s: Array, values: Array, kept: Mask, at_s: Array, window_s
     return np.where(count >= wanted, mean, np.nan)
 
 
-def fitted_field_mT(detail: SegmentDetail, lines: Sequence[LineDetail], time_s: Array) -> Array:
-    """Return the fitted field (n, 3) in mT on IA, NA, LA: ambient field and driven lines."""
+def fitted_field_mT(lines: Sequence[LineDetail], time_s: Array) -> Array:
+    """Return the fitted field (n, 3) in mT on IA, NA, LA about the middle of its record."""
     field_mT = np.tile(np.asarray(lines[0].ambient_field_mT, dtype=np.float64), (len(time_s), 1))
     # Axes driven at one frequency share one line.
     for line in {line.frequency_Hz: line for line in lines}.values():
-        turn = np.exp(2j * np.pi * line.frequency_Hz * (time_s - middle_of(detail)))
-        field_mT += np.real(turn[:, None] * line.field_phasors_mT[None, :])
+        turn = np.exp(2j * np.pi * line.frequency_Hz * time_s)
+        field_mT += np.real(turn[:, None] * line.field.phasor_mT[None, :])
     return field_mT
 
 
-def _limits_of_kept(detail: SegmentDetail) -> tuple[float | None, float | None]:
+def _limits_of_kept(record: FittedRecord) -> tuple[float | None, float | None]:
     """Return the scale of the samples of the fit: a wild one would hide all others."""
-    good = detail.rate_deg_per_h[detail.kept & np.isfinite(detail.rate_deg_per_h)]
+    good = record.segment.rate_deg_per_h[
+        record.gyro.kept & np.isfinite(record.segment.rate_deg_per_h)
+    ]
     if not len(good):
         return None, None
     low, high = float(good.min()), float(good.max())
@@ -268,9 +248,24 @@ def summary(document: ResultDocument) -> Plot:
     spans += [value for value in published.values() if value is not None]
     reach = 1.12 * max(spans, default=1.0) or 1.0
     behind, values = list[Item](), list[Item]()
+    best = partial(Points, size=6.0, cap=4.0, bar_width=1.8, label=BEST)
+    hollow = partial(Points, size=6.0, marker="D", fill="white", edge=1.5)
+    diamond = partial(hollow, colour=VERMILION, label=PUBLISHED)
     for place, result in enumerate(results):
-        behind += _limit(place, result, reach)
-        values += _values(place, result, published.get(result.estimate.axis))
+        if result.limit:
+            height, bounds = (place - 0.38, place + 0.38), result.limit.interval()
+            low, high = (float(bound) for bound in np.clip(bounds, -reach, reach))
+            region = Region(x=(low, high), y=height, colour=MIST, opacity=1.0, label=WITHIN)
+            ends = [bound for bound in bounds if np.isfinite(bound)]
+            behind.append(region)
+            behind += [Line([x] * 2, height, colour=INK, width=1.6, label=LIMIT) for x in ends]
+        if (formula := published.get(result.estimate.axis)) is not None:
+            values.append(diamond([formula], [place + 0.22]))
+        if (value := result.estimate.value) is None:
+            values.append(Note(0.0, place, "undetermined", slanted=True, boxed=True))
+        else:
+            bars = [result.expanded_uncertainty] if result.expanded_uncertainty else None
+            values.append(best([value], [place - 0.1], bars_x=bars))
     return Plot(
         "Sensitivity of each axis",
         "Best estimates with their expanded uncertainty, against the limits where the "
@@ -293,48 +288,6 @@ def summary(document: ResultDocument) -> Plot:
         ),
         1.15 + 0.5 * len(results),
     )
-
-
-def _limit(place: int, result: Result, reach: float) -> list[Item]:
-    """Return the limits of one axis, as far as they are seen."""
-    if result.limit is None:
-        return []
-    limit = result.limit.interval()
-    height = place - 0.38, place + 0.38
-    low, high = np.clip(limit, -reach, reach)
-    within = Region(x=(low, high), y=height, colour=MIST, opacity=1.0, label=WITHIN)
-    bounds = [bound for bound in limit if np.isfinite(bound)]
-    ends = [Line([bound] * 2, height, colour=INK, width=1.6, label=LIMIT) for bound in bounds]
-    return [within, *ends]
-
-
-def _values(place: int, result: Result, published: float | None) -> list[Item]:
-    """Return the value of one axis as published, and its value."""
-    items: list[Item] = []
-    if published is not None:
-        items.append(
-            Points(
-                [published],
-                [place + 0.22],
-                colour=VERMILION,
-                marker="D",
-                size=6.0,
-                fill="white",
-                edge=1.5,
-                label=PUBLISHED,
-            )
-        )
-    value, reach_U = result.estimate.value, result.expanded_uncertainty
-    if value is None:
-        items.append(Note(0.0, place, "undetermined", slanted=True, boxed=True))
-    else:
-        bars = [reach_U] if reach_U else None
-        items.append(
-            Points(
-                [value], [place - 0.1], bars_x=bars, size=6.0, cap=4.0, bar_width=1.8, label=BEST
-            )
-        )
-    return items
 
 
 def joined(axes: Sequence[str]) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from procedures.estimation.sine import nearest_lines
 from station.plots import (
     BLACK,
     GREY,
@@ -22,7 +24,9 @@ from station.plots import (
     Rule,
 )
 
-from .dataset import Array, LineDetail, Segment, SegmentDetail, middle_of
+from .dataset import Array
+from .fitted import FittedRecord, LineDetail
+from .gyro import plotted_spectrum
 from .plots import COLOUR, DASHES, joined
 
 # The noise at a line is judged over so many cycles per record on each side of it.
@@ -41,9 +45,7 @@ ALLAN = (
 )
 
 
-def spectrum(
-    detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment, *, published: bool = True
-) -> Plot:
+def spectrum(record: FittedRecord, lines: Sequence[LineDetail], *, published: bool = True) -> Plot:
     """Return the published amplitude spectrum (S6) and the average over the field's phase.
 
     `published`: whether the published formula could read it.
@@ -60,24 +62,24 @@ def spectrum(
         "the lines at the fields’ frequencies" if several else "the line at the field’s frequency"
     )
     return Plot(
-        f"{joined(detail.axes)} driven: {where}",
+        f"{joined(record.axes)} driven: {where}",
         f"{peaks} Black bar: the amplitude that noise alone "
         " gives near f. Right: the same samples averaged over the phase of the field, "
         "drift and other lines taken off; 0 deg is where the field is largest.",
-        (_spectrum_panel(detail, lines, segment), _folded_panel(detail, lines)),
+        (_spectrum_panel(record, lines), _folded_panel(record, lines)),
         3.7,
         widths=(2.1, 1),
         gap_x=0.24,
     )
 
 
-def _spectrum_panel(detail: SegmentDetail, lines: Sequence[LineDetail], segment: Segment) -> Panel:
-    frequency_Hz, amplitude = detail.spectrum_frequency_Hz, detail.spectrum_deg_per_h
+def _spectrum_panel(record: FittedRecord, lines: Sequence[LineDetail]) -> Panel:
+    frequency_Hz, amplitude = plotted_spectrum(record.segment)
     title, below, beside = "Amplitude spectrum", "frequency k/T, Hz", "y = 2|X[k]|/N, deg/h"
     if len(frequency_Hz) <= 2:
         note = Note(0.5, 0.5, "too few samples", inside=True)
         return Panel((note,), title=title, x=Axis(below, ticks=()), y=Axis(beside, ticks=()))
-    step_Hz = float(frequency_Hz[1])
+    step_Hz, interval_s = float(frequency_Hz[1]), record.segment.sample_interval_s
     # Of a record that is short against a period, one step is further than what is wanted.
     wanted_Hz = max(SPECTRUM_REACH * max(x.frequency_Hz for x in lines), step_Hz)
     highest_Hz = min(float(frequency_Hz[-1]), wanted_Hz)
@@ -86,47 +88,26 @@ def _spectrum_panel(detail: SegmentDetail, lines: Sequence[LineDetail], segment:
     positive = np.maximum(amplitude, 1e-12)
     marks, floors, peaks = list[Item](), list[Item](), list[Item]()
     for line in lines:
-        first = line is lines[0]
-        colour = COLOUR[line.axis]
-        commanded_Hz = segment.drive[line.axis].frequency_Hz
-        named = "f, commanded" if len(lines) > 1 else f"f = {commanded_Hz:.6g} Hz, commanded"
-        marks.append(
-            Rule(
-                x=commanded_Hz,
-                colour=colour,
-                width=0.9,
-                dashes="--",
-                label=named if first else "",
-            )
-        )
-        if 2.0 * commanded_Hz < highest_Hz:
-            label = "2 f" if first else ""
-            marks.append(
-                Rule(x=2.0 * commanded_Hz, colour=colour, width=1.0, dashes=":", label=label)
-            )
+        first, several, colour = line is lines[0], len(lines) > 1, COLOUR[line.axis]
+        f = record.segment.drive[line.axis].frequency_Hz
+        named = "f, commanded" if several else f"f = {f:.6g} Hz, commanded"
+        for x, label, width, dashes in ((f, named, 0.9, "--"), (2.0 * f, "2 f", 1.0, ":")):
+            if x == f or x < highest_Hz:
+                label = label if first else ""
+                marks.append(Rule(x=x, colour=colour, width=width, dashes=dashes, label=label))
         floor = line.noise_floor_deg_per_h
         if floor is not None:
             reach = FLOOR_REACH_CYCLES * step_Hz
-            ends = [commanded_Hz - reach, commanded_Hz + reach]
             label = "noise near f" if first else ""
-            floors.append(Line(ends, [floor, floor], colour=BLACK, width=2.2, label=label))
-        nearest = int(np.floor(commanded_Hz / step_Hz + 0.5))
-        if 1 <= nearest < len(amplitude):
-            lowest = max(nearest - 1, 1)
-            peak = lowest + int(np.argmax(amplitude[lowest : nearest + 2]))
-            who = f" ({line.axis})" if len(lines) > 1 else ""
-            peaks.append(
-                Points(
-                    [frequency_Hz[peak]],
-                    [positive[peak]],
-                    colour=colour,
-                    size=8.0,
-                    fill="none",
-                    edge=1.8,
-                    label=f"peak{who}: y = {amplitude[peak]:.3g} deg/h "
-                    f"at {frequency_Hz[peak]:.4g} Hz",
-                )
-            )
+            ends = [f - reach, f + reach], [floor, floor]
+            floors.append(Line(*ends, colour=BLACK, width=2.2, label=label))
+        near = nearest_lines(round(1.0 / step_Hz / interval_s), interval_s, f)
+        if len(near):
+            peak = near[int(np.argmax(amplitude[near.start : near.stop]))]
+            at_Hz, who = frequency_Hz[peak], f" ({line.axis})" if several else ""
+            text = f"peak{who}: y = {amplitude[peak]:.3g} deg/h at {at_Hz:.4g} Hz"
+            circle = partial(Points, size=8.0, fill="none", edge=1.8)
+            peaks.append(circle([at_Hz], [positive[peak]], colour=colour, label=text))
     low, high = _heights(positive[shown], lines)
     curve = Line(frequency_Hz[shown], positive[shown], colour=GREY, width=0.9)
     return Panel(
@@ -148,48 +129,35 @@ def _heights(shown: Array, lines: Sequence[LineDetail]) -> tuple[float, float]:
     return low, high * (high / low) ** (room / (1.0 - room)) * 1.1
 
 
-def _folded_panel(detail: SegmentDetail, lines: Sequence[LineDetail]) -> Panel:
+def _folded_panel(record: FittedRecord, lines: Sequence[LineDetail]) -> Panel:
     """Return the output less drift and other lines, averaged over the phase of each field."""
     title, below, beside = (
         "Averaged over the field’s phase",
         "phase of the field, deg",
         "output at f, deg/h",
     )
-    middle_s = middle_of(detail)
-    several = len(lines) > 1
+    segment, gyro, several = record.segment, record.gyro, len(lines) > 1
     items = list[Item]()
     for number, line in enumerate(lines):
         phasor = line.gyro_phasor_deg_per_h
         if phasor is None:
             continue
-        turn = 2.0 * np.pi * line.frequency_Hz * (detail.time_s - middle_s)
-        own = np.real(phasor * np.exp(1j * turn))
-        left = (detail.residual_deg_per_h + own)[detail.kept]
+        turn = 2.0 * np.pi * line.frequency_Hz * (segment.time_s - segment.middle_s)
+        alone = gyro.residual_deg_per_h + np.real(phasor * np.exp(1j * turn))
         field_phase = np.radians(line.field_phase_deg)
-        turns = (turn[detail.kept] + field_phase) / (2.0 * np.pi)
-        mean, error = phase_average(turns, left)
+        turns = (turn[gyro.kept] + field_phase) / (2.0 * np.pi)
+        mean, error = phase_average(turns, alone[gyro.kept])
         filled = np.isfinite(mean)
         centre = (np.arange(PHASE_BINS) + 0.5) * 360.0 / PHASE_BINS
-        offset = 4.0 * (number - 0.5 * (len(lines) - 1))
+        centre += 4.0 * (number - 0.5 * (len(lines) - 1))
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
-        response = np.real(phasor * np.exp(1j * (angle - field_phase)))
+        fit = np.real(phasor * np.exp(1j * (angle - field_phase)))
+        dashes, colour = DASHES[line.axis] if several else "-", COLOUR[line.axis]
+        label, own = ("", line.axis) if several else ("fit", "mean ± s.e.")
+        points = partial(Points, size=3.2, marker=MARKERS[number % 3], colour=colour)
         items += [
-            Line(
-                np.degrees(angle),
-                response,
-                colour=COLOUR[line.axis],
-                dashes=DASHES[line.axis] if several else "-",
-                label="" if several else "fit",
-            ),
-            Points(
-                centre[filled] + offset,
-                mean[filled],
-                bars=error[filled],
-                marker="os^"[number % 3],
-                colour=COLOUR[line.axis],
-                size=3.2,
-                label=line.axis if several else "mean ± s.e.",
-            ),
+            Line(np.degrees(angle), fit, colour=colour, dashes=dashes, label=label),
+            points(centre[filled], mean[filled], bars=error[filled], label=own),
         ]
     if not items:
         note = Note(0.5, 0.5, "not determined", inside=True)
@@ -276,14 +244,14 @@ def phase_diagram(lines: Sequence[LineDetail]) -> Plot:
     )
 
 
-def allan(segments: Sequence[SegmentDetail]) -> Plot:
+def allan(records: Sequence[FittedRecord]) -> Plot:
     """Return deviation against averaging time, both logarithmic, with standard uncertainties."""
     items = list[Item]()
-    for number, detail in enumerate(segments):
-        deviation = detail.allan
+    for number, record in enumerate(records):
+        deviation = record.allan
         if not len(deviation.tau_s):
             continue
-        colour = COLOUR[detail.axes[0]] if len(detail.axes) == 1 else BLACK
+        colour = COLOUR[record.axis] if record.axis else BLACK
         items.append(
             Points(
                 deviation.tau_s,
@@ -292,23 +260,14 @@ def allan(segments: Sequence[SegmentDetail]) -> Plot:
                 marker=MARKERS[number % len(MARKERS)],
                 colour=colour,
                 size=3.5,
-                label=f"{joined(detail.axes)} driven",
+                label=f"{joined(record.axes)} driven",
             )
         )
-        if detail.noise is not None:
+        if record.noise is not None:
             tau_s = np.geomspace(deviation.tau_s[0], deviation.tau_s[-1], 120)
-            curve = detail.noise.deviation_deg_per_h(tau_s)
+            curve = record.noise.deviation_deg_per_h(tau_s)
             items.append(Line(tau_s, curve, colour=colour, width=1.0))
-    return Plot(
-        "Allan deviation",
-        ALLAN,
-        (
-            Panel(
-                tuple(items),
-                x=Axis("averaging time τ, s", log=True),
-                y=Axis("Allan deviation σ(τ), deg/h", log=True),
-                legend="upper right",
-            ),
-        ),
-        3.6,
-    )
+    x = Axis("averaging time τ, s", log=True)
+    y = Axis("Allan deviation σ(τ), deg/h", log=True)
+    panel = Panel(tuple(items), x=x, y=y, legend="upper right")
+    return Plot("Allan deviation", ALLAN, (panel,), 3.6)

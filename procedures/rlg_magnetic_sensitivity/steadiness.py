@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import binary_opening
 from scipy.special import erfc, fdtrc
 
 from procedures.estimation.linear import least_squares
 from procedures.estimation.noise import LocalNoise, Periodogram, grid_index, periodogram
-from procedures.estimation.sine import line_columns, phasors
+from procedures.estimation.sine import legendre_columns, line_columns, phasors
 from station.findings import Flag
 
-from .dataset import AXES, Array, Complex, RlgAnalysis, Segment
-from .field import FieldFit
-from .gyro import GyroFit, fit_gyro
+from .dataset import AXES, Array, Complex, Segment
+from .fitted import FittedRecord, RlgAnalysis
+from .gyro import fit_gyro
 from .parameters import AnalysisSettings
 
 MAX_BLOCKS = 12
@@ -49,132 +51,110 @@ def block_phasors(
     Each block is fitted for itself, with a mean and a slope; too few samples make NaN. Third, what
     the fits leave of the data (n,).
     """
-    shape = len(edges_s) - 1, len(frequencies_Hz)
-    result = np.full(shape, np.nan + 0j)
-    variance = np.full(shape, np.nan)
+    count = len(frequencies_Hz)
+    result = np.full((len(edges_s) - 1, count), np.nan + 0j)
+    variance = np.full(result.shape, np.nan)
     residuals = np.zeros(len(data))
-    place = np.clip(np.searchsorted(edges_s, time_s, side="right") - 1, 0, shape[0] - 1)
-    for block in range(shape[0]):
+    place = np.clip(np.searchsorted(edges_s, time_s, side="right") - 1, 0, len(result) - 1)
+    for block in range(len(result)):
         here = place == block
-        if int(here.sum()) < 3 * (2 * shape[1] + 2):
+        if int(here.sum()) < 3 * (2 * count + 2):
             continue
         t = time_s[here]
-        slope = (t - t.mean()) / (np.ptp(t) or 1.0)
-        design = np.column_stack((line_columns(t, frequencies_Hz), np.ones(len(t)), slope))
-        fit = least_squares(design, data[here])
-        result[block] = phasors(fit.coefficients[: 2 * shape[1]])
+        drift = legendre_columns(t, 1, float(t.min()), float(t.max()))
+        fit = least_squares(np.hstack((line_columns(t, frequencies_Hz), drift)), data[here])
+        result[block] = phasors(fit.coefficients[: 2 * count])
         residuals[here] = fit.residuals
-        spread = np.diag(fit.inverse_normal)[: 2 * shape[1]]
-        variance[block] = 0.5 * (spread[0::2] + spread[1::2])
+        variance[block] = np.diag(fit.inverse_normal)[: 2 * count].reshape(count, 2).mean(axis=1)
     return result, variance, residuals
 
 
-def field_by_block(
-    segment: Segment, field: FieldFit, middle_s: float, edges_s: Array
-) -> tuple[Complex, Array]:
+def field_by_block(record: FittedRecord, edges_s: Array) -> tuple[Complex, Array]:
     """Return what each coil's own component does in each block (blocks, lines), over its phasor.
 
     With it the standard uncertainty. Single wild readings are left out, stretches of them are not:
     they are what is looked for.
     """
+    segment, field = record.segment, record.field
     frequencies = [line.frequency_Hz for line in field.lines]
-    runs = np.flatnonzero(np.diff(np.concatenate(([0], field.wild.astype(np.int8), [0]))))
-    used = np.isfinite(segment.field_mT).all(axis=1) & np.isfinite(segment.field_time_s)
-    for first, stop in zip(runs[::2], runs[1::2], strict=True):
-        if stop - first <= ISOLATED_ROWS:
-            used[first:stop] = False
-    time_s = segment.field_time_s[used] - middle_s
+    stretches = binary_opening(field.wild, np.ones(ISOLATED_ROWS + 1))
+    used = np.isfinite(segment.field_mT).all(axis=1) & (~field.wild | stretches)
+    time_s = segment.field_time_s[used] - segment.middle_s
     relative = np.full((len(edges_s) - 1, len(frequencies)), np.nan + 0j)
     spread = np.full(relative.shape, np.nan)
     for k, line in enumerate(field.lines):
         own = max((AXES.index(axis) for axis in line.axes), key=lambda a: abs(line.phasor_mT[a]))
         values = segment.field_mT[used, own]
-        whole, *_ = block_phasors(time_s, values, frequencies, np.array([edges_s[0], edges_s[-1]]))
+        whole, *_ = block_phasors(time_s, values, frequencies, edges_s[[0, -1]])
         phasors, variance, _ = block_phasors(time_s, values, frequencies, edges_s)
-        sample = 2.0 * float(line.variance_mT2[own]) * len(time_s) / 2.0
+        sample = float(line.variance_mT2[own]) * len(time_s)
         relative[:, k] = phasors[:, k] / whole[0, k]
         spread[:, k] = np.sqrt(variance[:, k] * sample) / abs(whole[0, k])
     return relative, spread
 
 
-def steadiness_flags(
-    segment: Segment, field: FieldFit, gyro: GyroFit, lines: Sequence[int], middle_s: float
-) -> Iterator[Flag]:
-    """Yield flags of fields that are not one sine, and of answers that do not follow the field.
-
-    `lines` are the field lines that the gyro was fitted at, in the order of its phasors.
-    """
-    half_s = 0.5 * (float(segment.time_s[-1]) - float(segment.time_s[0]))
-    edges_s = block_edges(-half_s, half_s, [line.frequency_Hz for line in field.lines])
-    if len(edges_s) < 3 or any(line.problem for line in field.lines):
+def steadiness_flags(record: FittedRecord) -> Iterator[Flag]:
+    """Yield flags of fields that are not one sine, and of answers that do not follow the field."""
+    lines = record.field.lines
+    if not record.fitted or any(line.problem for line in lines):
         return
-    relative, spread = field_by_block(segment, field, middle_s, edges_s)
-    for k, line in enumerate(field.lines):
+    half_s = 0.5 * (float(record.segment.time_s[-1]) - float(record.segment.time_s[0]))
+    edges_s = block_edges(-half_s, half_s, [line.frequency_Hz for line in lines])
+    if len(edges_s) < 3:
+        return
+    relative, spread = field_by_block(record, edges_s)
+    for k, line in enumerate(lines):
         off = np.nan_to_num(np.abs(relative[:, k] - 1.0))
         beyond = off > np.maximum(WANDERS, WANDERS_SIGMAS * np.nan_to_num(spread[:, k]))
         if beyond.any():
-            worst = int(np.argmax(np.where(beyond, off, 0.0)))
-            yield _wanders(segment, line.axes, edges_s + half_s, worst, relative[worst, k])
-    yield from _unfaithful(segment, field, gyro, lines, edges_s, relative)
+            block = int(np.argmax(np.where(beyond, off, 0.0)))
+            start_s, stop_s = (float(edge) + half_s for edge in edges_s[block : block + 2])
+            size, phase_deg = abs(relative[block, k]), np.degrees(np.angle(relative[block, k]))
+            wanders_text = (
+                f"The field on {' and '.join(line.axes)} is not one steady sine: from "
+                f"{start_s:.4g} s to {stop_s:.4g} s of the record its amplitude is {size:.3g} of "
+                f"that of the whole and its phase {phase_deg:+.3g} deg off. Look at coil supply, "
+                "gaussmeter and time stamps, and measure again."
+            )
+            details = {"start_s": start_s, "stop_s": stop_s, "relative_amplitude": size}
+            yield Flag("field-wanders", wanders_text, line.axis, details)
+    yield from _unfaithful(record, edges_s, relative)
 
 
-def _wanders(
-    segment: Segment, axes: Sequence[str], edges_s: Array, block: int, relative: complex
-) -> Flag:
-    start_s, stop_s = float(edges_s[block]), float(edges_s[block + 1])
-    wanders_text = (
-        f"The field on {' and '.join(axes)} is not one steady sine: from {start_s:.4g} s to "
-        f"{stop_s:.4g} s of the record its amplitude is {abs(relative):.3g} of that of the whole "
-        f"and its phase {np.degrees(np.angle(relative)):+.3g} deg off. Look at coil supply, "
-        "gaussmeter and time stamps, and measure again."
-    )
-    details = {"start_s": start_s, "stop_s": stop_s, "relative_amplitude": abs(relative)}
-    return Flag("field-wanders", wanders_text, axes[0] if len(axes) == 1 else None, details)
-
-
-def _unfaithful(
-    segment: Segment,
-    field: FieldFit,
-    gyro: GyroFit,
-    lines: Sequence[int],
-    edges_s: Array,
-    relative: Complex,
-) -> Iterator[Flag]:
+def _unfaithful(record: FittedRecord, edges_s: Array, relative: Complex) -> Iterator[Flag]:
     """Yield a flag for each line whose answer changes at some time though the field does not."""
-    kept = gyro.kept
+    segment, gyro = record.segment, record.gyro
+    kept, interval_s = gyro.kept, segment.sample_interval_s
     time_s = segment.time_s[kept] - 0.5 * float(segment.time_s[0] + segment.time_s[-1])
     data = gyro.lines_deg_per_h[kept] + gyro.residual_deg_per_h[kept]
-    frequencies = [field.lines[k].frequency_Hz for k in lines]
+    frequencies = [line.frequency_Hz for line in record.field.lines]
     phasors, variance, left = block_phasors(time_s, data, frequencies, edges_s)
-    index = grid_index(segment.time_s, segment.sample_interval_s)[kept]
-    spectrum = periodogram(left, index - index[0], segment.sample_interval_s)
+    index = grid_index(segment.time_s, interval_s)[kept]
+    spectrum = periodogram(left, index - index[0], interval_s)
     block_Hz = 1.0 / float(edges_s[1] - edges_s[0])
-    cut_pulse = segment.quantum_deg_per_h * segment.sample_interval_s * block_Hz  # at an edge
-    for slot, k in enumerate(lines):
-        noise = 0.25 * float(gyro.noise_floor_deg_per_h[slot]) ** 2 * len(time_s)
-        freedom = float(gyro.degrees_of_freedom[slot])
-        beside = noise_beside(spectrum, frequencies[slot], frequencies, block_Hz)
+    cut_pulse = segment.quantum_deg_per_h * interval_s * block_Hz  # at an edge
+    for k, line in enumerate(record.field.lines):
+        noise = 0.25 * float(gyro.noise_floor_deg_per_h[k]) ** 2 * len(time_s)
+        freedom = float(gyro.degrees_of_freedom[k])
+        beside = noise_beside(spectrum, line.frequency_Hz, frequencies, block_Hz)
         if beside is not None and REDDER * beside.variance < noise:
             noise, freedom = REDDER * beside.variance, beside.degrees_of_freedom
-        used = np.isfinite(variance[:, slot]) & np.isfinite(relative[:, k])
+        used = np.isfinite(variance[:, k]) & np.isfinite(relative[:, k])
         if int(used.sum()) < 2 or noise <= 0.0:
             continue
-        answer, wave = phasors[used, slot], relative[used, k]
-        gained, scatter = changes(answer, wave, 1.0 / (variance[used, slot] * noise + cut_pulse**2))
-        worst, degrees = int(np.argmax(gained)), 2.0 * (int(used.sum()) - 1)
-        by_change = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
-        chance = min(by_change, float(fdtrc(degrees, freedom, scatter / degrees)))
+        weight = 1.0 / (variance[used, k] * noise + cut_pulse**2)
+        gained = changes(phasors[used, k], relative[used, k], weight)
+        worst = int(np.argmax(gained))
+        chance = len(gained) * float(fdtrc(2.0, freedom, gained[worst] / 2.0))
         if chance < CHANCE:
             at_s = float(edges_s[:-1][used][worst + 1] - edges_s[0])
-            axes = field.lines[k].axes
             unfaithful_text = (
-                f"The answer to the field on {' and '.join(axes)} is not the same throughout the "
-                f"record, though the field is (F test, {chance:.1g} by chance); it changes most "
-                f"at {at_s:.4g} s. The output changed its scale, sign or delay or lost rows, or "
-                "the field was not what was recorded. Look at the record and measure again."
+                f"The answer to the field on {' and '.join(line.axes)} is not the same throughout "
+                f"the record, though the field is (F test, {chance:.1g} by chance); it changes "
+                f"most at {at_s:.4g} s. The output changed its scale, sign or delay or lost rows, "
+                "or the field was not what was recorded. Look at the record and measure again."
             )
-            details = {"at_s": at_s, "chance": chance}
-            yield Flag("misfit", unfaithful_text, axes[0] if len(axes) == 1 else None, details)
+            yield Flag("misfit", unfaithful_text, line.axis, {"at_s": at_s, "chance": chance})
 
 
 def noise_beside(
@@ -192,11 +172,10 @@ def noise_beside(
     return LocalNoise(float(np.median(spectrum.ordinate[ring])) / np.log(2.0), float(count) / 2.0)
 
 
-def changes(answers: Complex, field: Complex, weight: Array) -> tuple[Array, float]:
+def changes(answers: Complex, field: Complex, weight: Array) -> Array:
     """Return by how much the weighted sum of squares falls with another answer from each block on.
 
     `answers` (blocks,) is `field` (blocks,) times an answer; `weight` is over each part's variance.
-    Second, the sum of squares with one answer.
     """
 
     def explained(product: Complex, power: Array) -> Array:
@@ -204,9 +183,8 @@ def changes(answers: Complex, field: Complex, weight: Array) -> tuple[Array, flo
 
     product = np.cumsum(weight * answers * field.conj())
     power = np.cumsum(weight * np.abs(field) ** 2)
-    whole = explained(product[-1:], power[-1:])[0]
     before, after = explained(product, power), explained(product[-1] - product, power[-1] - power)
-    return (before + after - whole)[:-1], float(np.sum(weight * np.abs(answers) ** 2) - whole)
+    return np.asarray((before + after - before[-1])[:-1])
 
 
 @dataclass(frozen=True)
@@ -254,23 +232,14 @@ def repeated(
     before = {estimate.axis: estimate for estimate in result.estimates}
     for estimate in again.estimates:
         first = before.get(estimate.axis)
-        if first is None or first.value is None or first.standard_uncertainty is None:
-            continue
-        if estimate.value is None or estimate.standard_uncertainty is None:
+        if first is None or first.value is None or estimate.value is None:
             continue
         drive = next(d for s in segments for axis, d in s.drive.items() if axis == estimate.axis)
-        u = float(np.hypot(estimate.standard_uncertainty, first.standard_uncertainty))
-        yield Tested(
-            check,
-            estimate.axis,
-            drive.frequency_Hz,
-            drive.amplitude_mT,
-            estimate.value,
-            estimate.standard_uncertainty,
-            estimate.value - first.value,
-            u,
-            reach * u,
-        )
+        own = estimate.standard_uncertainty or 0.0
+        u = math.hypot(own, first.standard_uncertainty or 0.0)
+        change = estimate.value - first.value
+        sine = drive.frequency_Hz, drive.amplitude_mT
+        yield Tested(check, estimate.axis, *sine, estimate.value, own, change, u, reach * u)
 
 
 def background(
@@ -297,28 +266,23 @@ def background(
 
 def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
     """Yield a flag for each difference that chance does not explain."""
-    for test in tested:
-        if not test.differs:
-            continue
+    for test in (test for test in tested if test.differs):
+        u = test.difference_uncertainty
         whose = "" if test.axis is None else f" of {test.axis}"
-        in_u = test.difference / test.difference_uncertainty
-        off = f"{test.difference:+.2g} deg/h/mT ({in_u:+.1f} u)"
-        details = {
-            "difference": test.difference,
-            "standard_uncertainty": test.difference_uncertainty,
-        }
+        off = f"another one by {test.difference:+.2g} deg/h/mT ({test.difference / u:+.1f} u)"
+        details = {"difference": test.difference, "standard_uncertainty": u}
         if test.check == "linearity":
             not_text = (
-                f"At {test.amplitude_mT:g} mT the magnetic sensitivity{whose} is another one by "
-                f"{off}: the response is not in proportion to the field, as that of a shield near "
+                f"At {test.amplitude_mT:g} mT the magnetic sensitivity{whose} is {off}: the "
+                "response is not in proportion to the field, as that of a shield near "
                 "saturation; state the sensitivity with its field."
             )
             yield Flag("not-linear", not_text, test.axis, details)
         elif test.check == "frequency":
             differs_text = (
-                f"At {test.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is another one by "
-                f"{off}: a delay, eddy currents and pickup grow with the frequency; the lower one "
-                "is nearer to a steady field."
+                f"At {test.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is {off}: a "
+                "delay, eddy currents and pickup grow with the frequency; the lower one is nearer "
+                "to a steady field."
             )
             yield Flag("differs-with-frequency", differs_text, test.axis, details)
         else:

@@ -206,20 +206,20 @@ def warn_of_beats(run: Run, rate_deg_per_h: NDArray[Any], interval_s: float) -> 
     """Say before anything is driven that pulses counted at this mean rate would harm a result."""
     from procedures.estimation.allan import allan_deviation, noise_coefficients
 
-    from .checks import beat_advice
+    from .checks import Counting, beat_advice
 
     parameters: RlgParameters = run.parameters
     noise = noise_coefficients(allan_deviation(rate_deg_per_h, interval_s))
     if noise is None:
         return
     planned = sensitivity_records(parameters)[0]
-    beat = beat_advice(
+    counting = Counting(
         float(rate_deg_per_h.mean()),
         parameters.pulse_weight_arcsec,
         parameters.sample_interval_s,
         noise.angle_random_walk_deg_per_sqrt_h,
-        [sine.frequency_Hz for sine in planned.drive.values()],
         planned.samples * parameters.sample_interval_s,
     )
+    beat = beat_advice(counting, [sine.frequency_Hz for sine in planned.drive.values()])
     if beat is not None:
         run.say(f"    WARNING: {beat.does}; better: {beat.helps}")

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
-from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgAnalysis, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.dataset import AXES, RlgDataset, Segment
+from procedures.rlg_magnetic_sensitivity.fitted import RlgAnalysis
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 
 Array = NDArray[np.float64]

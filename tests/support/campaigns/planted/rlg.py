@@ -27,7 +27,8 @@ from campaigns.planted.judging import (
     row,
 )
 from procedures.estimation.sine import legendre_columns
-from procedures.rlg_magnetic_sensitivity.dataset import RlgAnalysis, Segment
+from procedures.rlg_magnetic_sensitivity.dataset import Segment
+from procedures.rlg_magnetic_sensitivity.fitted import RlgAnalysis
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
 from procedures.rlg_magnetic_sensitivity.parameters import AnalysisSettings
 from procedures.rlg_magnetic_sensitivity.steadiness import background, flags_of, repeated
