@@ -112,7 +112,7 @@ def _shots(
             if precession.fit is None
             else precession.fit.kept
         )
-        residual_V = np.zeros(0) if precession.fit is None else precession.fit.residual_V[kept]
+        residual_V = np.zeros(0) if precession.fit is None else precession.fit.residual_V
         if precession.used and frequencies is not None:
             omega = float(frequencies.omega_rad_per_s[place])
             omega_u = float(np.sqrt(frequencies.covariance[place, place]))

@@ -31,8 +31,8 @@ def slowing_down_bounds(dataset: SerfDataset, frequencies: Frequencies) -> tuple
     that is not taken off, the factor is smaller by as much.
     """
     spin = SPINS[dataset.nuclear_spin]
-    unseen = 0.0 if frequencies.failed is None else max(frequencies.chirp, 0.0)
-    unseen += MARGIN_U * frequencies.chirp_u
+    unseen = 0.0 if frequencies.failed is None else max(frequencies.chirp[0], 0.0)
+    unseen += MARGIN_U * frequencies.chirp[1]
     return max(spin.polarised, spin.at_rest / (1.0 + unseen)), spin.at_rest
 
 

@@ -96,7 +96,7 @@ class Check:
 class Frequencies:
     """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
 
-    `covariance` (n, n); `chirp` with `chirp_u` is the relative fall over the decay, `rate_per_s`
+    `covariance` (n, n); `chirp` is the relative fall over the decay with its u, `rate_per_s`
     and `beta_s` give the decay of a shot as rate + beta w². `joint` and `lean`, that of the spins
     and the probe, are None where every shot was fitted alone. `kept` and `residual_V` are by shot:
     which samples were used, and what is left of these. `drift_per_s` is a steady drift of all
@@ -108,8 +108,7 @@ class Frequencies:
 
     omega_rad_per_s: Array
     covariance: Array
-    chirp: float
-    chirp_u: float
+    chirp: tuple[float, float]
     rate_per_s: float
     beta_s: float
     joint: JointFit | None
@@ -117,10 +116,8 @@ class Frequencies:
     solution: Solution
     kept: tuple[Mask, ...]
     residual_V: tuple[Array, ...]
-    drift_per_s: float
-    drift_u: float
-    fading: float
-    fading_u: float
+    drift_per_s: tuple[float, float]
+    fading: tuple[float, float]
     exchanged: bool = False
     failed: str | None = None
 

@@ -270,7 +270,7 @@ def _coils(analysis: SerfAnalysis, dataset: SerfDataset, document: ResultDocumen
         u = np.degrees(np.sqrt(np.diag(frequencies.lean.covariance)[:2]).max())
         note += (
             f"Polarisation at the beginning {frequencies.joint.polarisation:.3f}; the frequency "
-            f"falls by {100.0 * frequencies.chirp:.3g} % over the decay. "
+            f"falls by {100.0 * frequencies.chirp[0]:.3g} % over the decay. "
             f"The spins began {aside:.2f} deg aside of the plane of pump and probe and "
             f"{towards:.2f} deg towards the probe from the pump light (u = {u:.2g} deg). "
         )

@@ -100,7 +100,7 @@ def _frequency_flags(
     dataset: SerfDataset, frequencies: Frequencies, settings: AnalysisSettings
 ) -> Iterator[Flag]:
     """Yield the flags of frequencies that fall, drift, or fall as if the lights changed places."""
-    chirp = frequencies.chirp
+    chirp, chirp_u = frequencies.chirp
     if frequencies.failed is not None:
         yield Flag(
             "chirp",
@@ -109,7 +109,7 @@ def _frequency_flags(
             "does to the angles.",
             details={"relative_change": chirp},
         )
-    elif chirp > settings.chirp and chirp > settings.chirp_u * frequencies.chirp_u:
+    elif chirp > settings.chirp and chirp > settings.chirp_u * chirp_u:
         polarisation = frequencies.joint.polarisation if frequencies.joint is not None else np.nan
         yield Flag(
             "chirp",
@@ -118,25 +118,27 @@ def _frequency_flags(
             "the fields comes from the baselines.",
             details={"relative_change": chirp, "polarisation": polarisation},
         )
-    if abs(frequencies.drift_per_s) > DRIFT_U * frequencies.drift_u:
+    drift, drift_u = frequencies.drift_per_s
+    if abs(drift) > DRIFT_U * drift_u:
         yield Flag(
             "misfit",
-            f"The frequencies drift by {100.0 * frequencies.drift_per_s:.2g} % per second during "
-            f"the records, {abs(frequencies.drift_per_s) / frequencies.drift_u:.1f} u, beside what "
+            f"The frequencies drift by {100.0 * drift:.2g} % per second during "
+            f"the records, {abs(drift) / drift_u:.1f} u, beside what "
             "a fading polarisation does: the fields are not steady, or the recorder's clock is "
             "not. The slowing-down factor is off by more than its u; measure the coil currents "
             "during a record.",
-            details={"drift_per_s": frequencies.drift_per_s},
+            details={"drift_per_s": drift},
         )
-    if abs(frequencies.fading) > FADING_U * frequencies.fading_u:
-        how = "faster" if frequencies.fading > 0.0 else "more slowly"
+    fading, fading_u = frequencies.fading
+    if abs(fading) > FADING_U * fading_u:
+        how = "faster" if fading > 0.0 else "more slowly"
         yield Flag(
             "misfit",
-            f"The tone of the last shot fades {abs(100.0 * frequencies.fading):.2g} % {how} than "
-            f"that of the first, {abs(frequencies.fading) / frequencies.fading_u:.1f} u: the "
+            f"The tone of the last shot fades {abs(100.0 * fading):.2g} % {how} than "
+            f"that of the first, {abs(fading) / fading_u:.1f} u: the "
             "cell's temperature, the probe light or what leaks of the pump light was not steady. "
             "Wait until the cell is warm, and repeat the shots.",
-            details={"fading": frequencies.fading},
+            details={"fading": fading},
         )
     if frequencies.exchanged:
         yield contradiction(

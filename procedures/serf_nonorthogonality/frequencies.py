@@ -17,18 +17,20 @@ from station.findings import Flag, contradiction
 from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
 from .dataset import Frequencies, SerfDataset
 from .fading import fading_trend
-from .joint import JointFit, NoJointFit, Record, fit_jointly, joint_start
+from .joint import SHARED, JointModel, NoJointFit, Record
 from .parameters import AnalysisSettings
 from .precession import Precession, common_decay, decays
 from .shots import AXES, SPINS, SlowingDown
 from .spin_motion import NO_LEAN, Lean, decay_line, fields_in_light, lean_of
-from .tone import pooled, pooled_chirp, wild_samples
+from .tone import pooled, wild_samples
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 WEAK_CHIRP = 0.02
 """Up to here the fits of single shots are near enough to begin the joint one."""
 ROUNDS = 6
+OWN = 5
+"""Unknowns of a shot's own in the joint fit, mains aside."""
 STILL = 0.02
 """A change of the cosines, in their uncertainties, at which the directions stand still."""
 BETA_U = 3.0
@@ -49,32 +51,30 @@ def frequencies_and_angles(
     commanded_nT = np.array([precession.shot.field_nT for precession in used])
     line = common_decay(fits) or decay_line(*decays(fits))
     beta = line.beta_s if line.beta_s > BETA_U * line.beta_u else 0.0
-    chirp, chirp_u = pooled_chirp(fits)
+    chirp, chirp_u = pooled([fit.chirp for fit in fits])
     omega = np.array([fit.omega_rad_per_s for fit in fits])
+    by_rate = np.array([fit.rate_per_s.moves for fit in fits])
     covariance = np.diag([fit.omega_u**2 for fit in fits])
-    by_rate = np.array([fit.omega_by_rate for fit in fits])
     covariance += line.rate_u**2 * np.outer(by_rate, by_rate)
     if np.isfinite(chirp_u):
         # A chirp too weak to be seen moves all frequencies alike, and with them the factor.
-        by_chirp = np.array([fit.omega_by_chirp for fit in fits])
+        by_chirp = np.array([fit.chirp.moves for fit in fits])
         omega = omega + chirp * by_chirp
         covariance += chirp_u**2 * np.outer(by_chirp, by_chirp)
     omega /= 1.0 + spin.pull(beta, omega)
-    solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
     alone = Frequencies(
         omega,
         covariance,
-        chirp,
-        chirp_u,
+        (chirp, chirp_u),
         line.rate_per_s,
         beta,
         None,
         None,
-        solution,
+        solve(commanded_nT, omega, covariance, known=dataset.constants_known),
         tuple(fit.kept for fit in fits),
-        tuple(fit.residual_V[fit.kept] for fit in fits),
-        *pooled([fit.drift_per_s for fit in fits], [fit.drift_u for fit in fits]),
-        *fading_trend(*decays(fits)),
+        tuple(fit.residual_V for fit in fits),
+        pooled([fit.drift_per_s for fit in fits]),
+        fading_trend(*decays(fits)),
     )
     if not chirp > settings.chirp_u * chirp_u:
         return alone
@@ -88,69 +88,70 @@ def _jointly(
     dataset: SerfDataset, used: Sequence[Precession], spin: SlowingDown, alone: Frequencies
 ) -> Frequencies:
     fits = [precession.used_fit for precession in used]
+    commanded_nT = np.array([precession.shot.field_nT for precession in used])
     # What stands out of a fit that knows no chirp may be the chirp.
     kept = [precession.usable & np.isfinite(precession.shot.voltage_V) for precession in used]
     records = _records(used, kept, [fit.noise_V for fit in fits])
-    commanded_nT = np.array([precession.shot.field_nT for precession in used])
-    mains_Hz, solution = dataset.mains_Hz, alone.solution
-    lean = NO_LEAN
-    along = _along(_fields(dataset, commanded_nT, solution), lean)
-    if alone.chirp < WEAK_CHIRP:
-        shared = np.array([1.5 * alone.chirp, alone.rate_per_s, alone.beta_s])
-        measured = np.array([fit.omega_rad_per_s for fit in fits])
-        start = shared, measured / (1.0 + 0.5 * alone.chirp)
+    solution, chirp = alone.solution, alone.chirp[0]
+    along = _along(_fields(dataset, commanded_nT, solution), NO_LEAN)
+    model = JointModel(records, spin, along, dataset.mains_Hz)
+    if chirp < WEAK_CHIRP:
+        measured = np.array([fit.omega_rad_per_s for fit in fits]) / (1.0 + 0.5 * chirp)
+        start = np.array([1.5 * chirp, alone.rate_per_s, alone.beta_s, *measured])
     else:
-        start = joint_start(records, spin, along, fits, mains_Hz)
+        start = model.start(fits)
     for round_ in range(ROUNDS):
-        joint = fit_jointly(records, spin, along, start, mains_Hz)
-        start = np.array([joint.square, joint.rate_per_s, joint.beta_s]), joint.omega_rad_per_s
+        joint = model.fit(start)
+        start = joint.unknowns
         if round_ == 0:
             kept = [_without_wild(k, r) for k, r in zip(kept, joint.residual_V, strict=True)]
         if round_ < 2:
-            records = _records(used, kept, _noises(joint, mains_Hz))
-        beta_u = float(np.sqrt(joint.shared_covariance[2, 2]))
+            own = OWN + (2 if dataset.mains_Hz is not None else 0)
+            records = _records(used, kept, [_noise(left, own) for left in joint.residual_V])
+        beta_u = float(np.sqrt(joint.covariance[2, 2]))
         beta = joint.beta_s if joint.beta_s > BETA_U * beta_u else 0.0
         omega = joint.omega_rad_per_s / (1.0 + spin.pull(beta, joint.omega_rad_per_s))
+        covariance = joint.covariance[SHARED:, SHARED:]
         before = solution.cosine
-        solution = solve(commanded_nT, omega, joint.covariance, known=dataset.constants_known)
+        solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
         if not solution.positive_definite:
             raise NoJointFit("no three axes have the angles that it leads to")
-        size = np.sqrt(np.diag(solution.covariance)[3:6])
         fields = _fields(dataset, commanded_nT, solution)
         lean = lean_of(fields, joint.baseline_over_tone, joint.baseline_over_tone_u)
-        along = _along(fields, lean)
+        model = replace(model, records=records, along=_along(fields, lean))
+        size = np.sqrt(np.diag(solution.covariance)[3:6])
         if round_ >= 2 and bool(np.all(np.abs(solution.cosine - before) <= STILL * size)):
             break
     turned = replace(dataset, pump_axis=dataset.probe_axis, probe_axis=dataset.pump_axis)
-    fields = _fields(turned, commanded_nT, solution)
-    across = lean_of(fields, joint.baseline_over_tone, joint.baseline_over_tone_u)
-    other = fit_jointly(records, spin, _along(fields, across), start, mains_Hz)
-    fields = _fields(dataset, commanded_nT, solution)
-    chirp, slope = _fall(spin, joint.square)
-    chirp_u = abs(slope) * float(np.sqrt(joint.shared_covariance[0, 0]))
+    across = _fields(turned, commanded_nT, solution)
+    swapped = lean_of(across, joint.baseline_over_tone, joint.baseline_over_tone_u)
+    other = replace(model, along=_along(across, swapped)).fit(start)
     moved = [
-        fit_jointly(records, spin, _along(fields, lean.but(towards, LEAN_RAD)), start, mains_Hz)
+        replace(model, along=_along(fields, lean.but(towards, LEAN_RAD))).fit(start)
         for towards in (0, 1)
     ]
     by_lean = np.column_stack([fit.omega_rad_per_s - joint.omega_rad_per_s for fit in moved])
     by_lean /= LEAN_RAD
-    covariance = joint.covariance + by_lean @ lean.covariance[:2, :2] @ by_lean.T
+    covariance = covariance + by_lean @ lean.covariance[:2, :2] @ by_lean.T
     covariance += np.diag((joint.by_late_start * dataset.start_u_s) ** 2)
-    solution = solve(commanded_nT, omega, covariance, known=dataset.constants_known)
+    # The relative fall of the frequency from P² to none, and what it changes by with P².
+    near = np.array([joint.square, joint.square + 1e-5])
+    fall, more = (spin.at_rest / spin.at(near) - 1.0).tolist()
+    chirp_u = abs(more - fall) / 1e-5 * float(np.sqrt(joint.covariance[0, 0]))
+    decay, decay_u, _ = np.array(joint.decay_per_s).T
     return Frequencies(
         omega,
         covariance,
-        chirp,
-        chirp_u,
+        (fall, chirp_u),
         joint.rate_per_s,
         beta,
         joint,
         lean,
-        solution,
+        solve(commanded_nT, omega, covariance, known=dataset.constants_known),
         tuple(kept),
         joint.residual_V,
-        *pooled(joint.drift_per_s.tolist(), joint.drift_u.tolist()),
-        *fading_trend(joint.omega_rad_per_s, joint.decay_per_s, joint.decay_u),
+        pooled(joint.drift_per_s),
+        fading_trend(joint.omega_rad_per_s, decay, decay_u),
         exchanged=joint.chi_square - other.chi_square > EXCHANGED,
     )
 
@@ -186,20 +187,9 @@ def _without_wild(kept: Mask, residual_V: Array) -> Mask:
     return left
 
 
-def _noises(joint: JointFit, mains_Hz: float | None) -> list[float]:
-    """Return the standard deviation of a sample that the joint fit leaves of each record, in V."""
-    own = 5 + (2 if mains_Hz is not None else 0)
-    return [
-        float(np.sqrt(residual @ residual / max(len(residual) - own, 1)))
-        for residual in joint.residual_V
-    ]
-
-
-def _fall(spin: SlowingDown, square: float) -> tuple[float, float]:
-    """Return the relative fall of the frequency from P² to none, and its derivative by P²."""
-    near = np.array([square, square + 1e-5])
-    fall = spin.at_rest / spin.at(near) - 1.0
-    return float(fall[0]), float((fall[1] - fall[0]) / 1e-5)
+def _noise(residual_V: Array, own: int) -> float:
+    """Return the standard deviation of a sample, by what a fit with so many own columns leaves."""
+    return float(np.sqrt(residual_V @ residual_V / max(len(residual_V) - own, 1)))
 
 
 def agreed(

@@ -143,8 +143,8 @@ def common_decay(fits: Sequence[ToneFit]) -> DecayLine | None:
     if len(fits) < 3:
         return None
     omega, decay, decay_u = decays(fits)
-    own = np.array([fit.own_rate_per_s for fit in fits])
-    weight = np.array([fit.own_rate_u for fit in fits]) ** -2.0
+    own = np.array([fit.rate_per_s.value for fit in fits])
+    weight = np.array([fit.rate_per_s.u for fit in fits]) ** -2.0
     if float(weight.sum()) > 0.0:
         mean = float(weight @ own / weight.sum())
         scatter = float(weight @ (own - mean) ** 2) / (len(fits) - 1)
@@ -202,7 +202,7 @@ def fades_unlike(fit: ToneFit, fits: Sequence[ToneFit]) -> str | None:
     usual = float(np.median(alike))
     spread = 1.4826 * float(np.median(np.abs(alike - usual)))
     # A chirp makes decays unlike that are not.
-    share = UNLIKE + abs(fit.chirp)
+    share = UNLIKE + abs(fit.chirp.value)
     limit = max(share * usual, UNLIKE_U * float(np.hypot(fit.decay_u, spread)))
     if fit.decay_per_s - usual <= limit:
         return None

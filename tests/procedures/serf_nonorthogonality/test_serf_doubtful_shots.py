@@ -118,6 +118,6 @@ def test_tones_of_a_steady_cell_fade_alike(polarisation: float) -> None:
     pulls = []
     for seed in range(2):
         found = analyse(Cell(polarisation=polarisation).dataset(seed)).frequencies
-        assert found is not None and np.isfinite(found.fading_u)
-        pulls.append(found.fading / found.fading_u)
+        assert found is not None and np.isfinite(found.fading[1])
+        pulls.append(found.fading[0] / found.fading[1])
     assert np.max(np.abs(pulls)) < 4.0

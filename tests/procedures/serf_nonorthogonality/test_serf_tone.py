@@ -10,7 +10,7 @@ from serf_shots import FOUR, Cell, bound_of_frequency, slowing_down
 
 from procedures.serf_nonorthogonality.shots import SPINS
 from procedures.serf_nonorthogonality.spin_motion import clocks
-from procedures.serf_nonorthogonality.tone import NoTone, ToneFit, fit_tone, pooled_chirp
+from procedures.serf_nonorthogonality.tone import NoTone, ToneFit, fit_tone, pooled
 
 STILL = Cell(pattern=FOUR, polarisation=1e-4, pull=False)
 
@@ -45,7 +45,6 @@ def test_mains_and_offset_do_not_move_a_frequency() -> None:
     clean, disturbed = fits(STILL), fits(STILL.but(mains_V=0.05, offset_V=0.02))
     for one, other in zip(clean, disturbed, strict=True):
         assert abs(one.omega_rad_per_s - other.omega_rad_per_s) < 0.5 * one.omega_u
-        assert other.mains_V == pytest.approx(0.05, rel=0.1)
 
 
 def test_a_late_trigger_moves_no_frequency() -> None:
@@ -67,8 +66,9 @@ def test_spikes_are_left_out_and_gaps_do_no_harm() -> None:
 
 
 def test_a_falling_frequency_shows_in_the_fit_itself() -> None:
-    still, still_u = pooled_chirp(fits(STILL))
-    falling, falling_u = pooled_chirp(fits(STILL.but(polarisation=0.3)))
+    still, still_u = pooled([fit.chirp for fit in fits(STILL)])
+    chirped = fits(STILL.but(polarisation=0.3))
+    falling, falling_u = pooled([fit.chirp for fit in chirped])
     assert abs(still) < 4.0 * still_u
     assert falling > 20.0 * falling_u
 
