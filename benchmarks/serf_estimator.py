@@ -35,9 +35,9 @@ from serf_shots import FOUR, Cell, bound_of_frequency
 
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.angles import solve
-from procedures.serf_nonorthogonality.checks import published_angles
 from procedures.serf_nonorthogonality.dataset import SerfDataset
 from procedures.serf_nonorthogonality.evaluate import common_inputs
+from procedures.serf_nonorthogonality.published import published_angles
 from procedures.serf_nonorthogonality.tone import fit_tone
 from station.uncertainty import combine
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 SINGULAR = 1e12
 """Condition number from which normal equations determine nothing."""
@@ -18,28 +20,25 @@ ENOUGH = 1e-9
 """Of the sum of squares: with a thousand samples a thousandth of an uncertainty."""
 
 
-class Place(Protocol):
-    """What is at a place of the search."""
+@dataclass(frozen=True)
+class Place(Generic[T]):
+    """The sum of squares at some unknowns (k,), the normal equations there, and `what` else is."""
 
-    @property
-    def cost(self) -> float:
-        """The sum of squares."""
+    cost: float
+    normal: Array
+    right: Array
+    what: T
 
-    @property
-    def normal(self) -> Array:
-        """The normal equations (k, k)."""
-
-    @property
-    def right(self) -> Array:
-        """Their right side (k,)."""
-
-
-P = TypeVar("P", bound=Place)
+    @classmethod
+    def of(cls, slopes: Array, residual: Array, what: T) -> Place[T]:
+        """Return the place with slopes (k, n) and a residual (n,), over their noise or equal."""
+        cost = float(residual @ residual)
+        return cls(cost, slopes @ slopes.T, slopes @ residual, what)
 
 
 def descend(
-    evaluate: Callable[[Array], P | None], start: Array, steps: int, enough: float = ENOUGH
-) -> tuple[Array, P] | None:
+    evaluate: Callable[[Array], Place[T] | None], start: Array, steps: int, enough: float = ENOUGH
+) -> tuple[Array, Place[T]] | None:
     """Return the unknowns (k,) that a start leads to in at most so many steps, and what is there.
 
     `evaluate` gives None where no solution may be. It ends where a step gains no more than the part

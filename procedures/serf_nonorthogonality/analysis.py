@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from station.findings import Estimate, Flag, Published, undetermined
 
 from .angles import NAMES, Solution
-from .checks import PublishedAngles, checks_of, published_angles
+from .checks import checks_of
 from .dataset import (
     ANGLE,
     FACTOR,
@@ -21,17 +21,19 @@ from .dataset import (
     SLOWING_DOWN,
     WEIGHTED,
     Frequencies,
+    Precession,
     SerfAnalysis,
     SerfDataset,
     ShotResult,
     scale_axis,
 )
-from .flags import result_flags
+from .flags import data_flags, result_flags
 from .frequencies import agreed
+from .misfit import misfit_flags
 from .parameters import AnalysisSettings
-from .precession import Precession, look_at_all
+from .precession import look_at_all
+from .published import published_angles
 from .relabelled import relabelled_flags
-from .shot_flags import data_flags, misfit_flags
 from .shots import AXES, PAIRS
 from .signs import sign_flags
 from .steady import held_to_steady_fields
@@ -57,25 +59,28 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     if any(precession.used for precession in seen):
         try:
             dataset, seen, frequencies, doubts = agreed(dataset, seen, settings)
-            frequencies, unseen = held_to_steady_fields(seen, frequencies)
+            frequencies, unseen = held_to_steady_fields(frequencies)
             doubts += unseen
         except np.linalg.LinAlgError:
             frequencies = None
-    freedom = float(
-        sum(precession.used_fit.degrees_of_freedom for precession in seen if precession.used)
-    )
+    used = [precession.used_fit for precession in seen if precession.used]
+    freedom = float(sum(fit.degrees_of_freedom for fit in used))
     results = estimates(dataset, frequencies, freedom)
-    paper = _published(dataset, seen)
-    shots = _shots(dataset, seen, frequencies)
-    size_nT = (
-        residual_magnitude_nT(dataset, frequencies.solution) if frequencies is not None else None
-    )
-    flags = [*data_flags(dataset, seen, shots, settings), *doubts, *misfit_flags(dataset, shots)]
-    flags += [
-        *sign_flags(dataset, seen, frequencies),
-        *relabelled_flags(dataset, seen, frequencies),
+    # The law of cosines on the single fits; the published rule knows no chirp.
+    omega = [shot.used_fit.omega_rad_per_s if shot.used else np.nan for shot in seen]
+    paper = published_angles(dataset.commanded_nT, np.array(omega), dataset.gamma_rad_per_s_nT)
+    shots = tuple(_shots(dataset, seen, frequencies))
+    size_nT = None
+    if frequencies is not None:
+        size_nT = residual_magnitude_nT(dataset, frequencies.solution)
+    flags = [
+        *data_flags(dataset, shots, settings),
+        *doubts,
+        *misfit_flags(shots),
+        *sign_flags(dataset, frequencies),
+        *relabelled_flags(dataset, frequencies),
+        *result_flags(dataset, frequencies, results, paper.wanting, size_nT, settings),
     ]
-    flags += result_flags(dataset, frequencies, results, paper, size_nT, settings)
     return SerfAnalysis(
         estimates=results,
         published=tuple(
@@ -84,55 +89,38 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
         flags=tuple(flags),
         shots=shots,
         frequencies=frequencies,
-        checks=checks_of(dataset, shots, frequencies, results, size_nT),
+        checks=checks_of(dataset, frequencies, results, size_nT),
         residual_field_nT=size_nT,
     )
 
 
-def _published(dataset: SerfDataset, seen: list[Precession]) -> PublishedAngles:
-    """Return the law of cosines on the single fits; the published rule knows no chirp."""
-    omega = [
-        precession.used_fit.omega_rad_per_s if precession.used else np.nan for precession in seen
-    ]
-    return published_angles(dataset.commanded_nT, np.array(omega), dataset.gamma_rad_per_s_nT)
-
-
 def _shots(
     dataset: SerfDataset, seen: list[Precession], frequencies: Frequencies | None
-) -> tuple[ShotResult, ...]:
-    scale = np.nan
-    if frequencies is not None:
-        axis = scale_axis(dataset, frequencies.solution)
-        scale = float(frequencies.solution.scale[AXES.index(axis)]) if axis else np.nan
-    results, place = [], 0
-    for precession in seen:
-        omega = omega_u = misfit = np.nan
-        kept = (
-            np.zeros(len(precession.shot.time_s), dtype=bool)
-            if precession.fit is None
-            else precession.fit.kept
-        )
-        residual_V = np.zeros(0) if precession.fit is None else precession.fit.residual_V
-        if precession.used and frequencies is not None:
+) -> Iterator[ShotResult]:
+    scale, place = np.nan, 0
+    if frequencies is not None and (axis := scale_axis(dataset, frequencies.solution)):
+        scale = float(frequencies.solution.scale[AXES.index(axis)])
+    for shot in seen:
+        own = vars(shot)
+        if shot.used and frequencies is not None:
             omega = float(frequencies.omega_rad_per_s[place])
-            omega_u = float(np.sqrt(frequencies.covariance[place, place]))
-            misfit = float(frequencies.solution.misfit_rad_per_s[place]) / omega_u
-            kept, residual_V = frequencies.kept[place], frequencies.residual_V[place]
-            place += 1
-        results.append(
-            ShotResult(
-                name=precession.shot.name,
-                fit=precession.fit,
-                rejected=precession.rejected,
+            u = float(np.sqrt(frequencies.covariance[place, place]))
+            misfit = float(frequencies.solution.misfit_rad_per_s[place]) / u
+            final = frequencies.kept[place], frequencies.residual_V[place]
+            yield ShotResult(
+                **own,
+                kept=final[0],
+                residual_V=final[1],
                 omega_rad_per_s=omega,
-                omega_u=omega_u,
+                omega_u=u,
                 field_nT=omega / scale,
                 misfit=misfit,
-                kept=kept,
-                residual_V=residual_V,
             )
-        )
-    return tuple(results)
+            place += 1
+        elif shot.fit is not None:
+            yield ShotResult(**own, kept=shot.fit.kept, residual_V=shot.fit.residual_V)
+        else:
+            yield ShotResult(**own, kept=shot.usable & False, residual_V=np.zeros(0))
 
 
 def estimates(
@@ -142,7 +130,7 @@ def estimates(
     method = JOINT if frequencies is not None and frequencies.joint is not None else WEIGHTED
     axis = scale_axis(dataset, frequencies.solution) if frequencies is not None else None
     solution = frequencies.solution if frequencies is not None else None
-    if solution is None or axis is None or not (solution.positive_definite and solution.converged):
+    if solution is None or axis is None or not solution.sound:
         names = [
             *((ANGLE, pair, "deg") for pair in PAIRS),
             *((RESIDUAL, axis, "nT") for axis in AXES),

@@ -17,16 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from procedures.estimation.descent import Place, descend, inverse_of
+from procedures.estimation.orthogonal import ColumnSplit, split_columns
+
 from .shots import AXES, PAIRS
 
 Array = NDArray[np.float64]
 
 NAMES = (*AXES, *PAIRS, "rx", "ry", "rz")
 COUNT = len(NAMES)
-PLACES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+PLACES = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 INDEPENDENT = 1e-3
 """Part of a scaled column, orthogonal to those before it, that makes it one of its own."""
-MAX_ITERATIONS = 60
+SHARED = 1e-6
+"""Of a column, in one that is dropped: from there on the two share their coefficients."""
+MAX_STEPS, ENOUGH = 60, 1e-12
+SETTLED = 1e-6
+"""In natural units: a step that is still to go where the solution has settled."""
 IMPROBABLE, DOUBTFUL = 1e-4, 0.05
 """Below the first probability something is wrong; below the second u is enlarged already."""
 
@@ -58,6 +65,16 @@ class Solution:
     degrees_of_freedom: int
     enlarged: bool
     converged: bool
+
+    @property
+    def unknowns(self) -> Array:
+        """All nine."""
+        return np.concatenate([self.scale, self.cosine, self.residual])
+
+    @property
+    def sound(self) -> bool:
+        """Whether it is settled, and three axes with these angles exist."""
+        return self.converged and self.positive_definite
 
     @property
     def gram(self) -> Array:
@@ -101,7 +118,7 @@ def frequencies(commanded_nT: Array, p: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(square, 1e-300)))
 
 
-def _slopes(commanded_nT: Array, p: Array) -> Array:
+def slopes_of(commanded_nT: Array, p: Array) -> Array:
     """Return the derivatives (shots, 9) of the frequencies."""
     v, gram, r = commanded_nT * p[:3], gram_of(p[3:6]), p[6:]
     omega = frequencies(commanded_nT, p)
@@ -116,12 +133,6 @@ def _slopes(commanded_nT: Array, p: Array) -> Array:
     return np.asarray(slopes / omega[:, None])
 
 
-def slopes_of(commanded_nT: Array, solution: Solution) -> Array:
-    """Return the derivatives (shots, 9) of the frequencies by the nine unknowns of a solution."""
-    p = np.concatenate([solution.scale, solution.cosine, solution.residual])
-    return _slopes(commanded_nT, p)
-
-
 def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) -> Solution:
     """Solve for what the shots determine; `commanded_nT` (n, 3), `omega` (n,) with covariance.
 
@@ -132,47 +143,37 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
         raise ValueError("no shot")
     size = np.linalg.norm(commanded_nT, axis=1)
     a = float(np.median(omega / size))
-    p = np.zeros(COUNT)
-    p[:3] = a
+    start = np.zeros(COUNT)
+    start[:3] = a
     natural = np.array([a] * 3 + [1.0] * 3 + [a * float(np.median(size))] * 3)
-    maps = _maps(known)
-    kept, determined, free_of_residual = _judge(commanded_nT, p, natural, maps)
+    # Which unknowns each parameter moves, (9, parameters): one a for all coils, or each its own.
+    maps = np.eye(COUNT)
+    if known:
+        maps = np.column_stack([maps[:, :3].sum(axis=1), maps[:, 3:]])
+    kept, determined, free_of_residual = _judge(commanded_nT, start, natural, maps)
     if free_of_residual:
-        p = _begin(commanded_nT, omega, p)
+        start = _begin(commanded_nT, omega, start)
         if known:
-            p[:3] = float(np.mean(p[:3]))
+            start[:3] = float(np.mean(start[:3]))
     mapping = maps[:, kept] * natural[:, None]
-    weight: Array = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-    root = _root(weight)
-    converged = False
-    for _ in range(MAX_ITERATIONS):
-        slopes = _slopes(commanded_nT, p) @ mapping
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def at(moved: Array) -> Place[Array]:
+        p = start + mapping @ moved
         left = omega - frequencies(commanded_nT, p)
-        move = np.linalg.lstsq(root @ slopes, root @ left, rcond=None)[0]
-        step = mapping @ move
-        # Far from the solution a full step may leave the region where three axes exist.
-        step *= min(1.0, 0.3 / max(float(np.max(np.abs(move))), 1e-300))
-        p = p + step
-        if float(np.max(np.abs(step / natural))) < 1e-13:
-            converged = True
-            break
-    slopes = _slopes(commanded_nT, p)
-    own = slopes @ mapping
-    # What ran away without converging says so itself.
-    with np.errstate(over="ignore", invalid="ignore"):
-        normal = own.T @ weight @ own
-        inverse = np.full_like(normal, np.nan)
-        if np.all(np.isfinite(normal)):
-            inverse = np.linalg.pinv(normal, hermitian=True)
-    gain = mapping @ inverse @ own.T @ weight
-    left = omega - frequencies(commanded_nT, p)
-    chi_square = float(left @ weight @ left)
+        return Place.of((whiten @ slopes_of(commanded_nT, p) @ mapping).T, whiten @ left, p)
+
+    unmoved = np.zeros(len(kept))
+    _, place = descend(at, unmoved, MAX_STEPS, ENOUGH) or (unmoved, at(unmoved))
+    p, chi_square, inverse = place.what, place.cost, inverse_of(place.normal)
+    converged = inverse is not None and bool(np.max(np.abs(inverse @ place.right)) < SETTLED)
+    if inverse is None:
+        inverse = np.full_like(place.normal, np.nan)
+    covered = mapping @ inverse @ mapping.T
+    slopes = slopes_of(commanded_nT, p)
+    gain = covered @ slopes.T @ whiten.T @ whiten
     freedom = len(omega) - len(kept)
     doubtful = freedom > 0 and float(chdtrc(freedom, chi_square)) < DOUBTFUL
-    covered = mapping @ inverse @ mapping.T
-    by_residual = np.zeros((COUNT, 3))
-    if not free_of_residual:
-        by_residual = -gain @ slopes[:, 6:]
     return Solution(
         scale=p[:3],
         cosine=p[3:6],
@@ -181,9 +182,9 @@ def solve(commanded_nT: Array, omega: Array, covariance: Array, *, known: bool) 
         determined=determined,
         free_of_residual=free_of_residual,
         by_field=-gain @ (slopes[:, :3] * p[:3]),
-        by_residual=by_residual,
+        by_residual=-gain @ slopes[:, 6:] * (not free_of_residual),
         gain=gain,
-        misfit_rad_per_s=left,
+        misfit_rad_per_s=omega - frequencies(commanded_nT, p),
         chi_square=chi_square,
         degrees_of_freedom=freedom,
         enlarged=doubtful,
@@ -212,20 +213,6 @@ def _begin(commanded_nT: Array, omega: Array, p: Array) -> Array:
     return np.concatenate([a, cosine, start[6:9] / a])
 
 
-def _root(weight: Array) -> Array:
-    return np.asarray(np.linalg.cholesky(weight).T, dtype=np.float64)
-
-
-def _maps(known: bool) -> Array:
-    """Return which unknowns each free parameter moves, shape (9, parameters)."""
-    if not known:
-        return np.eye(COUNT)
-    maps = np.zeros((COUNT, COUNT - 2))
-    maps[:3, 0] = 1.0
-    maps[3:, 1:] = np.eye(COUNT - 3)
-    return maps
-
-
 def _judge(
     commanded_nT: Array, p: Array, natural: Array, maps: Array
 ) -> tuple[list[int], tuple[bool, ...], bool]:
@@ -233,36 +220,22 @@ def _judge(
 
     In the order a, cosines, r a parameter is kept that is independent of those before it.
     """
-    slopes = _slopes(commanded_nT, p) @ (maps * natural[:, None])
+    slopes = slopes_of(commanded_nT, p) @ (maps * natural[:, None])
     slopes = slopes / float(np.max(np.abs(slopes)))
-    kept: list[int] = []
-    basis = np.zeros((len(slopes), 0))
-    for k in range(slopes.shape[1]):
-        column = slopes[:, k]
-        left = column - basis @ (basis.T @ column)
-        left = left - basis @ (basis.T @ left)
-        length = float(np.linalg.norm(left))
-        if length > INDEPENDENT * np.sqrt(len(slopes)):
-            kept.append(k)
-            basis = np.column_stack([basis, left / length])
     residual: NDArray[np.bool_] = np.asarray(np.any(maps[6:] != 0.0, axis=0))
-    alone = _alone(slopes[:, ~residual])
-    whole = _alone(slopes)
-    free = bool(np.all(whole[residual]))
-    ok = np.asarray(residual & whole)
-    ok[~residual] = alone
-    if not free:
-        # A residual field that is not wholly determined is taken for zero.
-        kept = [k for k in kept if not residual[k]]
-        ok[residual] = False
+    split = split_columns(slopes, INDEPENDENT)
+    free = bool(np.all(_alone(split)[residual]))
+    # A residual field that is not wholly determined is taken for zero.
+    kept = [k for k in split.kept if free or not residual[k]]
+    ok = residual & free
+    ok[~residual] = _alone(split_columns(slopes[:, ~residual], INDEPENDENT))
     determined = tuple(bool(ok[np.flatnonzero(maps[n])[0]]) for n in range(COUNT))
     return kept, determined, free
 
 
-def _alone(slopes: Array) -> NDArray[np.bool_]:
+def _alone(split: ColumnSplit) -> NDArray[np.bool_]:
     """Return which columns nothing in the others can stand in for."""
-    if not slopes.size:
-        return np.zeros(slopes.shape[1], dtype=bool)
-    _, values, rows = np.linalg.svd(slopes, full_matrices=True)
-    rank = int(np.sum(values > INDEPENDENT * np.sqrt(len(slopes))))
-    return np.asarray(np.max(np.abs(rows[rank:]), axis=0, initial=0.0) < 1e-6)
+    kept = list(split.kept)
+    alone = np.zeros(split.folds.shape[1], dtype=bool)
+    alone[kept] = np.max(np.abs(np.delete(split.folds, kept, axis=1)), axis=1, initial=0.0) < SHARED
+    return alone

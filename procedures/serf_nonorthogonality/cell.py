@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from station.method.run import Run
     from station.roles.base import Block
 
-    from .dataset import Shot
-    from .precession import Precession
+    from .dataset import Precession, Shot
     from .tone import ToneFit
 
 GENERATOR_XY, GENERATOR_Z = "signal_generator.xy", "signal_generator.z_gradient"
@@ -312,10 +311,10 @@ def solved_residual_nT(seen: Sequence[Precession], doing: str) -> dict[str, floa
         )
     if solution is None or (bad and not solution.free_of_residual):
         raise ConditionNotReached(
-            f"{doing}: the shot {bad[0].shot.name} cannot be used ({bad[0].rejected}); look at the "
+            f"{doing}: the shot {bad[0].name} cannot be used ({bad[0].rejected}); look at the "
             "pump light, the probe light, the cell's temperature and the coils' cables"
         )
-    if not (solution.converged and solution.positive_definite):
+    if not solution.sound:
         return None
     # r holds projections on the axes, which are not quite at right angles.
     along = np.linalg.solve(solution.gram, solution.residual) / solution.scale

@@ -83,6 +83,91 @@ class SerfDataset:
 
 
 @dataclass(frozen=True)
+class Precession:
+    """A shot, its fit or None, how many samples were saturated, and why it is not to be used.
+
+    `usable` (n,) marks the samples that are neither saturated nor too early.
+    """
+
+    shot: Shot
+    fit: ToneFit | None
+    saturated: int
+    rejected: str | None
+    usable: Mask
+
+    @property
+    def name(self) -> str:
+        """The name of the shot."""
+        return self.shot.name
+
+    @property
+    def used(self) -> bool:
+        """Whether the shot can be used."""
+        return self.rejected is None and self.fit is not None
+
+    @property
+    def used_fit(self) -> ToneFit:
+        """The fit of a shot that has one."""
+        if self.fit is None:
+            raise ValueError(f"{self.name} has no fit")
+        return self.fit
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
+
+    `used` are these shots, `covariance` is (n, n); `chirp` is the relative fall over the decay with
+    its u, `rate_per_s` and `beta_s` give the decay of a shot as rate + beta w². `joint` and `lean`,
+    that of the spins and the probe, are None where every shot was fitted alone. `kept` and
+    `residual_V` are by shot: which samples were used, and what is left of these. `drift_per_s` is a
+    steady drift of all frequencies, relative, beside a chirp; `fading` by how much the last tone
+    fades faster than the first, relative, beside its broadening; `exchanged` tells that the shots
+    fit pump and probe light much better the other way round. `failed` says why a joint fit was
+    wanted but is not there.
+    """
+
+    used: tuple[Precession, ...]
+    omega_rad_per_s: Array
+    covariance: Array
+    solution: Solution
+    chirp: tuple[float, float]
+    rate_per_s: float
+    beta_s: float
+    kept: tuple[Mask, ...]
+    residual_V: tuple[Array, ...]
+    drift_per_s: tuple[float, float]
+    fading: tuple[float, float]
+    joint: JointFit | None = None
+    lean: Lean | None = None
+    exchanged: bool = False
+    failed: str | None = None
+
+    @property
+    def commanded_nT(self) -> Array:
+        """The commanded fields of the used shots, shape (n, 3)."""
+        return np.array([precession.shot.field_nT for precession in self.used])
+
+
+@dataclass(frozen=True)
+class ShotResult(Precession):
+    """A shot with its fit and what became of it.
+
+    `omega_rad_per_s` with `omega_u` is what goes into the solution, NaN where nothing does, freed
+    from the pull of spin exchange; `field_nT` what it says of the field; `misfit` by how much it is
+    more than the solution's, over its u. `kept` (n,) marks the samples that were used, `residual_V`
+    is what the final fit leaves of these.
+    """
+
+    kept: Mask
+    residual_V: Array
+    omega_rad_per_s: float = np.nan
+    omega_u: float = np.nan
+    field_nT: float = np.nan
+    misfit: float = np.nan
+
+
+@dataclass(frozen=True)
 class Check:
     """A test of the result against something it should agree with: passed, failed or not made."""
 
@@ -90,62 +175,6 @@ class Check:
     value: str
     wanted: str
     passed: bool | None
-
-
-@dataclass(frozen=True)
-class Frequencies:
-    """What all usable shots give: frequencies (n,) freed from the pull of spin exchange.
-
-    `covariance` (n, n); `chirp` is the relative fall over the decay with its u, `rate_per_s`
-    and `beta_s` give the decay of a shot as rate + beta w². `joint` and `lean`, that of the spins
-    and the probe, are None where every shot was fitted alone. `kept` and `residual_V` are by shot:
-    which samples were used, and what is left of these. `drift_per_s` is a steady drift of all
-    frequencies, relative, beside a chirp; `fading` by how much the last tone fades faster than the
-    first, relative, beside its broadening; `exchanged` tells that the shots fit pump and probe
-    light much better the other way round. `failed` says why a joint fit was wanted but is not
-    there.
-    """
-
-    omega_rad_per_s: Array
-    covariance: Array
-    chirp: tuple[float, float]
-    rate_per_s: float
-    beta_s: float
-    joint: JointFit | None
-    lean: Lean | None
-    solution: Solution
-    kept: tuple[Mask, ...]
-    residual_V: tuple[Array, ...]
-    drift_per_s: tuple[float, float]
-    fading: tuple[float, float]
-    exchanged: bool = False
-    failed: str | None = None
-
-
-@dataclass(frozen=True)
-class ShotResult:
-    """A shot with its fit; `rejected` says why it is not in the solution, None where it is.
-
-    `omega_rad_per_s` with `omega_u` is what goes into the solution, NaN where nothing does, freed
-    from the pull of spin exchange; `field_nT` what it says of the field.
-    """
-
-    name: str
-    fit: ToneFit | None
-    rejected: str | None
-    omega_rad_per_s: float
-    omega_u: float
-    field_nT: float
-    misfit: float
-    """Frequency less the solution's, over its uncertainty."""
-    kept: Mask
-    residual_V: Array
-    """Which samples (n,) were used, and what the final fit leaves of these."""
-
-    @property
-    def used(self) -> bool:
-        """Whether the shot is in the solution."""
-        return self.rejected is None
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from scipy.special import chdtrc
 from station.findings import Flag, contradiction
 
 from .angles import DOUBTFUL, IMPROBABLE, Solution, solve
-from .dataset import Frequencies, SerfDataset
+from .dataset import Frequencies, Precession, SerfDataset
 from .fading import fading_trend
 from .joint import SHARED, JointModel, NoJointFit, Record
 from .parameters import AnalysisSettings
-from .precession import Precession, common_decay, decays
-from .shots import AXES, SPINS, SlowingDown
+from .precession import common_decay, decays
+from .shots import SPINS, SlowingDown
 from .spin_motion import NO_LEAN, Lean, decay_line, fields_in_light, lean_of
 from .tone import pooled, wild_samples
 
@@ -38,6 +38,10 @@ LEAN_RAD = 2e-3
 EXCHANGED = 25.0
 """Chi-square of all samples that is saved where pump and probe light change places."""
 MIN_FREEDOM = 2
+CONTRADICTED = (
+    "all others agree and its frequency contradicts them: its name or its commanded field is "
+    "wrong, or the field was not steady; look at its supply and repeat it"
+)
 MODEL_U = 5e-5
 """Relative, of a coil factor: what spin exchange does to a frequency and the model may miss."""
 
@@ -63,14 +67,13 @@ def frequencies_and_angles(
         covariance += chirp_u**2 * np.outer(by_chirp, by_chirp)
     omega /= 1.0 + spin.pull(beta, omega)
     alone = Frequencies(
+        tuple(used),
         omega,
         covariance,
+        solve(commanded_nT, omega, covariance, known=dataset.constants_known),
         (chirp, chirp_u),
         line.rate_per_s,
         beta,
-        None,
-        None,
-        solve(commanded_nT, omega, covariance, known=dataset.constants_known),
         tuple(fit.kept for fit in fits),
         tuple(fit.residual_V for fit in fits),
         pooled([fit.drift_per_s for fit in fits]),
@@ -79,16 +82,14 @@ def frequencies_and_angles(
     if not chirp > settings.chirp_u * chirp_u:
         return alone
     try:
-        return _jointly(dataset, used, spin, alone)
+        return _jointly(dataset, spin, alone)
     except (NoJointFit, np.linalg.LinAlgError) as error:
         return replace(alone, failed=str(error))
 
 
-def _jointly(
-    dataset: SerfDataset, used: Sequence[Precession], spin: SlowingDown, alone: Frequencies
-) -> Frequencies:
+def _jointly(dataset: SerfDataset, spin: SlowingDown, alone: Frequencies) -> Frequencies:
+    used, commanded_nT = alone.used, alone.commanded_nT
     fits = [precession.used_fit for precession in used]
-    commanded_nT = np.array([precession.shot.field_nT for precession in used])
     # What stands out of a fit that knows no chirp may be the chirp.
     kept = [precession.usable & np.isfinite(precession.shot.voltage_V) for precession in used]
     records = _records(used, kept, [fit.noise_V for fit in fits])
@@ -140,19 +141,20 @@ def _jointly(
     chirp_u = abs(more - fall) / 1e-5 * float(np.sqrt(joint.covariance[0, 0]))
     decay, decay_u, _ = np.array(joint.decay_per_s).T
     return Frequencies(
+        used,
         omega,
         covariance,
+        solve(commanded_nT, omega, covariance, known=dataset.constants_known),
         (fall, chirp_u),
         joint.rate_per_s,
         beta,
-        joint,
-        lean,
-        solve(commanded_nT, omega, covariance, known=dataset.constants_known),
         tuple(kept),
         joint.residual_V,
         pooled(joint.drift_per_s),
         fading_trend(joint.omega_rad_per_s, decay, decay_u),
-        exchanged=joint.chi_square - other.chi_square > EXCHANGED,
+        joint,
+        lean,
+        joint.chi_square - other.chi_square > EXCHANGED,
     )
 
 
@@ -202,88 +204,74 @@ def agreed(
     ValueError without a usable shot.
     """
     shots = list(seen)
-    frequencies = frequencies_and_angles(dataset, _used(shots), settings)
-    odd = _odd_one(_used(shots), frequencies)
+    used = [shot for shot in shots if shot.used]
+    frequencies = frequencies_and_angles(dataset, used, settings)
+    odd = _odd_one(frequencies)
     if odd is not None:
-        place = next(k for k, shot in enumerate(shots) if shot is odd[0])
-        shots[place] = replace(odd[0], rejected=odd[1])
-        frequencies = frequencies_and_angles(dataset, _used(shots), settings)
-    if not dataset.constants_known:
-        return dataset, shots, frequencies, []
-    free = _solved(_used(shots), frequencies, range(len(frequencies.omega_rad_per_s)))
+        used = [shot for shot in used if shot is not odd]
+        shots = [replace(odd, rejected=CONTRADICTED) if shot is odd else shot for shot in seen]
+        frequencies = frequencies_and_angles(dataset, used, settings)
+    flags: list[Flag] = []
+    free = _solved(frequencies, range(len(used))) if dataset.constants_known else None
     known = frequencies.solution
-    if free is None or not all(free.determined[:3]):
-        return dataset, shots, frequencies, []
-    if known.degrees_of_freedom <= free.degrees_of_freedom:
-        return dataset, shots, frequencies, []
+    if (
+        free is None
+        or not all(free.determined[:3])
+        or known.degrees_of_freedom <= free.degrees_of_freedom
+    ):
+        return dataset, shots, frequencies, flags
     ratios, covariance = free.ratios()
     chance = _chance(ratios, covariance)
-    if chance >= DOUBTFUL:
-        return dataset, shots, frequencies, []
-    if chance >= IMPROBABLE:
+    if IMPROBABLE <= chance < DOUBTFUL:
         # Too little to overrule what is stated, too much to count on it: what it moves is in u.
-        moved = np.concatenate(
-            [known.scale - free.scale, known.cosine - free.cosine, known.residual - free.residual]
-        )
+        moved = known.unknowns - free.unknowns
         wide = replace(known, covariance=known.covariance + np.outer(moved, moved))
-        return dataset, shots, replace(frequencies, solution=wide), []
-    dataset = replace(dataset, constants_known=False)
-    frequencies = frequencies_and_angles(dataset, _used(shots), settings)
-    flags = []
-    stated = np.square(dataset.coil_u or (0.0, 0.0, 0.0)) + MODEL_U**2
-    if _chance(ratios, covariance + np.diag(stated[1:]) + stated[0]) < IMPROBABLE:
-        factors = " and ".join(
-            f"{axis} {1.0 + ratio:.5f}" for axis, ratio in zip(AXES[1:], ratios, strict=True)
-        )
-        flags.append(
-            contradiction(
-                "coil_constants",
+        frequencies = replace(frequencies, solution=wide)
+    elif chance < IMPROBABLE:
+        dataset = replace(dataset, constants_known=False)
+        frequencies = frequencies_and_angles(dataset, used, settings)
+        stated = np.square(dataset.coil_u or (0.0, 0.0, 0.0)) + MODEL_U**2
+        if _chance(ratios, covariance + np.diag(stated[1:]) + stated[0]) < IMPROBABLE:
+            y, z = 1.0 + ratios
+            text = (
                 "The coil constants are stated as known, and the shots deny it: relative to coil "
-                f"x the factors are {factors}. They are solved for, as with nominal constants. "
-                "Calibrate the coils, or look for a wrong commanded field or a supply's range.",
+                f"x the factors are y {y:.5f} and z {z:.5f}. They are solved for, as with nominal "
+                "constants. Calibrate the coils, or look for a wrong commanded field or a supply's "
+                "range."
             )
-        )
+            flags.append(contradiction("coil_constants", text))
     return dataset, shots, frequencies, flags
 
 
-def _used(shots: Sequence[Precession]) -> list[Precession]:
-    return [shot for shot in shots if shot.used]
-
-
-def _solved(
-    used: Sequence[Precession], frequencies: Frequencies, rows: Sequence[int]
-) -> Solution | None:
+def _solved(frequencies: Frequencies, rows: Sequence[int]) -> Solution | None:
     """Return the solution of some of the shots, coil constants left free; None without one."""
     at = np.array(rows)
-    commanded_nT = np.array([used[k].shot.field_nT for k in rows])
-    covariance = frequencies.covariance[np.ix_(at, at)]
+    omega, covariance = frequencies.omega_rad_per_s[at], frequencies.covariance[np.ix_(at, at)]
     try:
-        solution = solve(commanded_nT, frequencies.omega_rad_per_s[at], covariance, known=False)
+        solution = solve(frequencies.commanded_nT[at], omega, covariance, known=False)
     except np.linalg.LinAlgError:
         return None
-    return solution if solution.converged and solution.positive_definite else None
+    return solution if solution.sound else None
 
 
-def _chance(ratios: np.ndarray, covariance: np.ndarray) -> float:
+def _chance(ratios: Array, covariance: Array) -> float:
     """Return how probable ratios as far from zero as these are."""
     return float(chdtrc(len(ratios), float(ratios @ np.linalg.solve(covariance, ratios))))
 
 
-def _odd_one(used: Sequence[Precession], frequencies: Frequencies) -> tuple[Precession, str] | None:
-    """Return the only shot without which the others agree, and why it is not used; None without."""
-    count = len(used)
-    whole = _solved(used, frequencies, range(count))
+def _odd_one(frequencies: Frequencies) -> Precession | None:
+    """Return the only shot without which the others agree; None without."""
+    count = len(frequencies.used)
+    whole = _solved(frequencies, range(count))
     if whole is None or whole.degrees_of_freedom < MIN_FREEDOM or not whole.disagree:
         return None
     without = np.zeros(count)
     for k in range(count):
-        solution = _solved(used, frequencies, [n for n in range(count) if n != k])
+        solution = _solved(frequencies, [n for n in range(count) if n != k])
         if solution is not None and solution.determined == whole.determined:
             without[k] = solution.probability
-    second, best = np.argsort(without)[-2:]
+    second, best = np.argsort(without)[-2:].tolist()
     if without[best] < DOUBTFUL or without[second] >= IMPROBABLE:
         return None
-    return used[best], (
-        "all others agree and its frequency contradicts them: its name or its commanded field is "
-        "wrong, or the field was not steady; look at its supply and repeat it"
-    )
+    odd: Precession = frequencies.used[best]
+    return odd

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.descent import descend, inverse_of
+from procedures.estimation.descent import Place, descend, inverse_of
 
 from .shots import SlowingDown
 from .spin_motion import clocks, decay_line
@@ -92,19 +92,6 @@ class NoJointFit(ValueError):
 
 
 @dataclass(frozen=True)
-class _Step:
-    """A place of the search: of each shot its linear part, and the slopes (7, n) beside it.
-
-    By P², R/q(0), the broadening and the frequency; then by a late start, a drift, a faster decay.
-    """
-
-    cost: float
-    normal: Array
-    right: Array
-    shots: tuple[tuple[Projection, Array], ...]
-
-
-@dataclass(frozen=True)
 class JointModel:
     """Shots of one cell; `along` (shots,) squares of the cosine between field and pump light."""
 
@@ -122,7 +109,7 @@ class JointModel:
             raise NoJointFit("a parameter has no influence")
         unknowns, step = minimum
         ratio, ratio_u, late, drift, decay = [], [], [], [], []
-        shots = zip(self.records, step.shots, unknowns[SHARED:].tolist(), strict=True)
+        shots = zip(self.records, step.what, unknowns[SHARED:].tolist(), strict=True)
         for record, (linear, slopes), omega in shots:
             left, noise = linear.residual_V, record.noise_V
             size = float(np.hypot(*linear.linear[:2]))
@@ -136,7 +123,7 @@ class JointModel:
         return JointFit(
             unknowns=unknowns,
             covariance=covariance,
-            residual_V=tuple(linear.residual_V for linear, _ in step.shots),
+            residual_V=tuple(linear.residual_V for linear, _ in step.what),
             baseline_over_tone=np.array(ratio),
             baseline_over_tone_u=np.array(ratio_u),
             by_late_start=np.array(late),
@@ -186,7 +173,11 @@ class JointModel:
         except NoTone:
             return None
 
-    def _at(self, unknowns: Array) -> _Step | None:
+    def _at(self, unknowns: Array) -> Place[list[tuple[Projection, Array]]] | None:
+        """Return of each shot the linear part, and what its slopes (7, n) are beside it.
+
+        By P², R/q(0), broadening and frequency; then by a late start, a drift, a faster decay.
+        """
         square, rate, beta = (float(value) for value in unknowns[:SHARED])
         omega, count = unknowns[SHARED:], len(self.records)
         if not (LOWEST_SQUARE < square < HIGHEST_SQUARE and rate > 0.0 and np.all(omega > 0.0)):
@@ -229,4 +220,4 @@ class JointModel:
             normal[np.ix_(places, places)] += weight * (own @ own.T)
             right[places] += weight * (own @ left)
             cost += weight * float(left @ left)
-        return _Step(cost, normal, right, tuple(shots))
+        return Place(cost, normal, right, shots)

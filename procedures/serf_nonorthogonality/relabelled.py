@@ -18,7 +18,6 @@ from station.findings import Flag, contradiction
 
 from .angles import DOUBTFUL, solve
 from .dataset import Frequencies, SerfDataset
-from .precession import Precession
 from .shots import AXES
 
 Array = NDArray[np.float64]
@@ -26,15 +25,12 @@ Index = NDArray[np.int64]
 MIN_FREEDOM = 2
 
 
-def relabelled_flags(
-    dataset: SerfDataset, seen: Sequence[Precession], frequencies: Frequencies | None
-) -> Iterator[Flag]:
+def relabelled_flags(dataset: SerfDataset, frequencies: Frequencies | None) -> Iterator[Flag]:
     """Yield a flag that names what was probably commanded, where shots disagree as stated."""
     if frequencies is None or not frequencies.solution.disagree:
         return
-    used = [precession for precession in seen if precession.used]
-    commanded_nT = np.array([precession.shot.field_nT for precession in used])
-    names = [precession.shot.name for precession in used]
+    commanded_nT = frequencies.commanded_nT
+    names = [shot.name for shot in frequencies.used]
     kinds = (reversals(commanded_nT), pairs_mistaken(commanded_nT), swaps(commanded_nT, names))
     suits = suiting(
         commanded_nT,
@@ -120,6 +116,6 @@ def _remainder(commanded_nT: Array, frequencies: Frequencies, *, known: bool) ->
     except np.linalg.LinAlgError:
         return None
     freedom = solution.degrees_of_freedom
-    if not (solution.converged and solution.positive_definite and freedom >= MIN_FREEDOM):
+    if not (solution.sound and freedom >= MIN_FREEDOM):
         return None
     return Remainder(solution.chi_square, freedom, float(chdtri(freedom, DOUBTFUL)))

@@ -12,7 +12,7 @@ with its sign turned was recorded with the output inverted, or with a field of a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from station.findings import Flag, contradiction
 
 from .dataset import Frequencies, SerfDataset
-from .precession import Precession
 from .shots import MIN_SIGNAL_TO_NOISE
 from .spin_motion import NO_LEAN, fields_in_light
 
@@ -35,31 +34,25 @@ DELAYS = 181
 FEWEST = 3
 
 
-def sign_flags(
-    dataset: SerfDataset, seen: Sequence[Precession], frequencies: Frequencies | None
-) -> Iterator[Flag]:
+def sign_flags(dataset: SerfDataset, frequencies: Frequencies | None) -> Iterator[Flag]:
     """Yield a flag that names the shots whose signs contradict those of the others."""
     if frequencies is None or not frequencies.solution.positive_definite:
         return
-    used = [precession for precession in seen if precession.used]
-    commanded_nT = np.array([precession.shot.field_nT for precession in used])
     fields = fields_in_light(
-        commanded_nT, frequencies.solution, dataset.pump_axis, dataset.probe_axis
+        frequencies.commanded_nT, frequencies.solution, dataset.pump_axis, dataset.probe_axis
     )
     lean = frequencies.lean or NO_LEAN
     expected = _expected(fields, lean.spins, lean.probe)
-    measured = _measured(used)
+    fits = [shot.used_fit for shot in frequencies.used]
+    measured = np.array([[fit.cosine_V - 1j * fit.sine_V, fit.baseline_V] for fit in fits])
     clear = np.abs(expected[:, 0]) > MIN_SHARE
-    clear &= np.array(
-        [precession.used_fit.signal_to_noise > MIN_SIGNAL_TO_NOISE for precession in used]
-    )
+    clear &= np.array([fit.signal_to_noise > MIN_SIGNAL_TO_NOISE for fit in fits])
     if int(np.sum(clear)) < FEWEST:
         return
     odd = _odd_ones(expected[clear], measured[clear], frequencies.omega_rad_per_s[clear])
-    names = [precession.shot.name for precession, says in zip(used, clear, strict=True) if says]
     if odd is None or not np.any(odd):
         return
-    turned = [name for name, wrong in zip(names, odd, strict=True) if wrong]
+    turned = [frequencies.used[k].name for k in np.flatnonzero(clear)[odd]]
     yield contradiction(
         "shots",
         f"The tones of {', '.join(turned)} begin with the sign opposite to the one that the "
@@ -76,12 +69,6 @@ def _expected(fields: Array, spins: Array, probe: Array) -> NDArray[np.complex12
     along_s, along_p = fields @ spins, fields @ probe
     tone = float(spins @ probe) - along_s * along_p
     return np.column_stack([tone - 1j * (np.cross(fields, spins) @ probe), along_s * along_p])
-
-
-def _measured(used: Sequence[Precession]) -> NDArray[np.complex128]:
-    """Return tone and baseline (shots, 2) in V."""
-    fits = [precession.used_fit for precession in used]
-    return np.array([[fit.cosine_V - 1j * fit.sine_V, fit.baseline_V] for fit in fits])
 
 
 def _odd_ones(

@@ -24,6 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.descent import Place, descend, inverse_of
+
 from .angles import Solution
 from .shots import AXES, SlowingDown, single_axis
 
@@ -35,7 +37,7 @@ DECAYS = 8.0
 """After so many decays of P nothing is left of a square of it."""
 USUAL_LEAN = np.radians(3.0)
 """Standard uncertainty of a lean that no shot tells."""
-MAX_ITERATIONS = 20
+MAX_STEPS = 20
 NUDGE = 1e-6
 
 
@@ -146,24 +148,22 @@ def lean_of(fields: Array, ratio: Array, ratio_u: Array) -> Lean:
     """
     rad = np.zeros(4)
     gain = 1.0 if float(np.sum(_ratios(fields, rad) * ratio / ratio_u**2)) >= 0.0 else -1.0
-    prior = np.eye(4) / USUAL_LEAN**2
-    for _ in range(MAX_ITERATIONS):
+
+    def at(rad: Array) -> Place[Array]:
         expected = _ratios(fields, rad)
-        slopes = np.column_stack(
-            [
-                (_ratios(fields, rad + NUDGE * direction) - expected) / NUDGE
-                for direction in np.eye(4)
-            ]
-        )
-        weighted = slopes / ratio_u[:, None]
+        nudged = [_ratios(fields, rad + NUDGE * direction) for direction in np.eye(4)]
         left = (gain * ratio - expected) / ratio_u
-        inverse = np.linalg.inv(weighted.T @ weighted + prior)
-        move = inverse @ (weighted.T @ left - prior @ rad)
-        rad = rad + move
-        if float(np.max(np.abs(move))) < 1e-9:
-            break
-    misfit = float(left @ left) / max(len(ratio) - 4, 1)
-    return Lean(rad, np.asarray(inverse * max(misfit, 1.0)))
+        slopes = (np.array(nudged) - expected) / NUDGE / ratio_u
+        # What is known of the leans beforehand stands beside the shots.
+        own = np.column_stack([slopes, np.eye(4) / USUAL_LEAN])
+        return Place.of(own, np.concatenate([left, -rad / USUAL_LEAN]), left)
+
+    minimum = descend(at, rad, MAX_STEPS)
+    inverse = None if minimum is None else inverse_of(minimum[1].normal)
+    if minimum is None or inverse is None:
+        return NO_LEAN
+    misfit = float(np.sum(minimum[1].what ** 2)) / max(len(ratio) - 4, 1)
+    return Lean(minimum[0], inverse * max(misfit, 1.0))
 
 
 def _ratios(fields: Array, rad: Array) -> Array:

@@ -10,7 +10,7 @@ chi-square move the angle by up to
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,6 @@ from station.findings import Flag
 
 from .angles import DOUBTFUL, Solution, slopes_of
 from .dataset import Frequencies
-from .precession import Precession
 from .shots import PAIRS
 
 Array = NDArray[np.float64]
@@ -32,20 +31,15 @@ HIDDEN_U = 6.0
 """A step that moves an angle by more, and that chi-square does not show, is spoken of."""
 
 
-def held_to_steady_fields(
-    seen: Sequence[Precession], frequencies: Frequencies
-) -> tuple[Frequencies, list[Flag]]:
+def held_to_steady_fields(frequencies: Frequencies) -> tuple[Frequencies, list[Flag]]:
     """Return what is found, widened by what unsteady fields may hide, and a flag on their order.
 
-    The shots of `seen` stand in the order in which they were taken.
+    The shots stand in the order in which they were taken.
     """
-    if not (frequencies.solution.positive_definite and frequencies.solution.converged):
+    if not (frequencies.solution.sound and frequencies.solution.free_of_residual):
         return frequencies, []
-    if not frequencies.solution.free_of_residual:
-        return frequencies, []
-    used = [precession.shot for precession in seen if precession.used]
-    fields_nT = np.array([shot.field_nT for shot in used])
-    changes = Changes(fields_nT, frequencies.covariance, frequencies.solution)
+    used = frequencies.used
+    changes = Changes(frequencies.commanded_nT, frequencies.covariance, frequencies.solution)
     flags = []
     if (step := changes.hidden_step()) is not None:
         before, after = used[step.place - 1].name, used[step.place].name
@@ -79,7 +73,7 @@ class Changes:
     def __init__(self, commanded_nT: Array, covariance: Array, solution: Solution) -> None:
         self.commanded_nT = commanded_nT
         self.solution = solution
-        slopes = slopes_of(commanded_nT, solution)
+        slopes = slopes_of(commanded_nT, solution.unknowns)
         self._by_nT = slopes[:, 6:] * solution.scale
         whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         self._left = whiten @ (np.eye(len(slopes)) - slopes @ solution.gain)

@@ -31,8 +31,8 @@ from .shots import REPEATED, Wanted
 if TYPE_CHECKING:
     from station.roles.base import Block
 
-    from .checks import PublishedAngles
     from .dataset import Shot
+    from .published import PublishedAngles
 
 CABLES = Prompt(
     "connect-cables",
@@ -253,9 +253,9 @@ def published_so_far(run: Run, count: int) -> tuple[PublishedAngles, float]:
     """
     import numpy as np
 
-    from .checks import published_angles
     from .evaluate import shot_of_unit
     from .precession import fit_of
+    from .published import published_angles
 
     parameters: SerfParameters = run.parameters
     folder, wanted = run.read_back(), parameters.wanted[:count]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from procedures.estimation.descent import descend, inverse_of
+from procedures.estimation.descent import Place, descend, inverse_of
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.sine import line_columns
 
@@ -167,29 +167,6 @@ def last_of(slopes: Array, residual: Array, noise: float) -> Effect:
 
 
 @dataclass(frozen=True)
-class _Step:
-    """A place of the search, with its linear part, and the slopes (2, n) by w and G beside it."""
-
-    linear: Projection
-    slopes: Array
-
-    @property
-    def cost(self) -> float:
-        """The sum of squares."""
-        return float(self.linear.residual_V @ self.linear.residual_V)
-
-    @property
-    def normal(self) -> Array:
-        """The normal equations (2, 2)."""
-        return np.asarray(self.slopes @ self.slopes.T)
-
-    @property
-    def right(self) -> Array:
-        """Their right side (2,)."""
-        return np.asarray(self.slopes @ self.linear.residual_V)
-
-
-@dataclass(frozen=True)
 class _Record:
     """Samples (n,) that count; the baseline decays with `slow_per_s`, or as fast as the tone."""
 
@@ -198,8 +175,8 @@ class _Record:
     slow_per_s: float | None
     mains_Hz: float | None
 
-    def at(self, place: Array) -> _Step | None:
-        """Return the step at a frequency and a decay; None where these are no tone's."""
+    def at(self, place: Array) -> Place[tuple[Projection, Array]] | None:
+        """Return the linear part and the slopes (2, n) at w and G; None where no tone has these."""
         omega, decay = (float(value) for value in place)
         if not (decay > 0.0 and 0.0 < omega < np.pi / float(np.median(np.diff(self.t)))):
             return None
@@ -208,7 +185,8 @@ class _Record:
         if linear is None:
             return None
         fading = linear.tone_V + (linear.baseline_V if self.slow_per_s is None else 0.0)
-        return _Step(linear, linear.beside([self.t * linear.turned_V, -self.t * fading]))
+        slopes = linear.beside([self.t * linear.turned_V, -self.t * fading])
+        return Place.of(slopes, linear.residual_V, (linear, slopes))
 
     def settled(self, start: Array, kept: Mask) -> ToneFit | None:
         """Return the fit that a start leads to; None where that is no decaying tone."""
@@ -216,10 +194,11 @@ class _Record:
         if minimum is None:
             return None
         (omega, decay), step = minimum[0].tolist(), minimum[1]
+        linear, own = step.what
         inverse, span_s = inverse_of(step.normal), float(self.t[-1] - self.t[0])
         if inverse is None or omega * span_s < MIN_TURN_RAD or decay * span_s < MIN_DECAYS:
             return None
-        linear, left, t = step.linear, step.linear.residual_V, self.t
+        left, t = linear.residual_V, self.t
         freedom = max(len(t) - len(linear.linear) - 2, 1)
         noise = float(np.sqrt(step.cost / freedom))
         u = noise * np.sqrt(np.diag(inverse))
@@ -230,7 +209,7 @@ class _Record:
             -t * linear.baseline_V,
             0.5 * omega * t**2 * linear.turned_V,
         ]
-        slopes = np.vstack([step.slopes, linear.beside(further)])
+        slopes = np.vstack([own, linear.beside(further)])
         chirp, slower, drift = (
             last_of(slopes[which], left, noise) for which in ([0, 1, 2], [0, 1, 3], [0, 1, 2, 4])
         )

@@ -11,8 +11,8 @@ from serf_shots import FOUR, Cell, bound_of_frequency
 
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.angles import solve
-from procedures.serf_nonorthogonality.checks import closed_form, published_angles
 from procedures.serf_nonorthogonality.dataset import SerfAnalysis
+from procedures.serf_nonorthogonality.published import closed_form, published_angles
 
 RESIDUAL, COILS = (1.0, -0.6, 0.8), (1.010, 0.995, 1.008)
 GAMMA = 2.0 * np.pi * 28.02495
