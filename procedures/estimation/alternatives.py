@@ -177,6 +177,31 @@ def doubt(design: Array, data: Array, inside: Mask, rated: Sequence[Score], u: A
     return max(moves, key=lambda move: float(np.max(np.abs(move / u))), default=np.zeros(width))
 
 
+def from_each_row(values: Array) -> Array:
+    """Return the sums of values (n, ...) from each row on."""
+    return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
+
+
+def gains_of_parts(
+    shape: Array,
+    design: Array,
+    residual: Array,
+    sums: Callable[[Array], Array],
+    part: float = MIN_PART,
+) -> Array:
+    """Return by how much the squares fall with a `shape` (n,) in each of many parts of the rows.
+
+    `sums` gives the sums of values (n, ...) over the rows of each part. Of a shape that has less
+    than `part` of its own there nothing falls. Shape and residual are zero in rows that do not
+    count.
+    """
+    q = thin_qr(design)[0][: len(shape)]
+    shared, whole = sums(q * shape[:, None]), sums(shape**2)
+    own = whole - np.einsum("ij,ij->i", shared, shared)
+    determined = own > part**2 * whole
+    return np.where(determined, sums(shape * residual) ** 2, 0.0) / np.where(determined, own, 1.0)
+
+
 def strongest_step(
     shape: Array, design: Array, residual: Array, inside: Mask, step: Alternative, may: Mask
 ) -> list[tuple[float, Alternative]]:
@@ -186,22 +211,15 @@ def strongest_step(
     """
     inside, residual = inside[: len(shape)], residual[: len(shape)]
     rows = np.flatnonzero(inside)
-    if len(rows) < 2 * BESIDE_STEP + 1:
-        return []
     begins = rows[BESIDE_STEP : len(rows) - BESIDE_STEP + 1]
     begins = begins[may[begins]]
-    after = (shape * inside)[:, None] * (np.arange(len(shape))[:, None] >= begins)
-    q = thin_qr(design)[0][: len(shape)]
-    own = after - q @ (q.T @ after)
-    size, whole = np.einsum("ij,ij->j", own, own), np.einsum("ij,ij->j", after, after)
-    determined = size > MIN_PART**2 * whole
-    gains = np.where(determined, (residual @ after) ** 2, 0.0) / np.where(determined, size, 1.0)
-    best = int(np.argmax(gains)) if len(begins) else 0
-    if not determined.any() or not determined[best]:
+    gains = gains_of_parts(shape * inside, design, residual, from_each_row)[begins]
+    if not np.any(gains):
         return []
-    from_row = (np.arange(len(shape)) >= begins[best]).astype(np.float64)
+    begin = int(begins[np.argmax(gains)])
+    from_row = (np.arange(len(shape)) >= begin).astype(np.float64)
     columns = (shape * (from_row - from_row[inside].mean()))[:, None]
-    return [(float(gains[best]), replace(step, columns=columns, row=int(begins[best])))]
+    return [(float(gains.max()), replace(step, columns=columns, row=begin))]
 
 
 def strongest_line(

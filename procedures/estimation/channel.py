@@ -49,6 +49,8 @@ RETURNED = 0.2
 """Part of a jump by which the one back may differ: the course goes on in between."""
 MIN_BLUR = 0.45
 """Noise over step from which rounding averages out; less may be a level between two steps."""
+LARGE_PART = 0.3
+"""Of a record: a run of equal readings that hides the noise of the others."""
 ROUNDS = 4
 
 
@@ -188,8 +190,7 @@ def screen(
         return Screened(channel, values, missing, wild, nothing, nothing, nothing, beyond=beyond)
     kept = values[sound]
     if channel.slow:
-        step = max(channel.quantum, resolution(kept))
-        noise = _slow_noise(kept, step)
+        step, noise = _slow_scale(kept, channel.quantum)
         may = nothing if free is None else free
         slack = beyond * math.sqrt(2.0) * noise + MAX_STEPS * step, channel.harmless
         *parts, jump = _slow(kept, np.flatnonzero(sound), step, noise, max(slack), may)
@@ -219,6 +220,18 @@ def _noise(values: Array, step: float) -> float:
     """Return the standard deviation of noise about a level (n,), without the rounding."""
     square = float(np.var(np.diff(values))) / 2.0 if len(values) > 2 else 0.0
     return math.sqrt(max(square - step**2 / 12.0, 0.0))
+
+
+def _slow_scale(values: Array, quantum: float) -> tuple[float, float]:
+    """Return step and noise of a course (n,): of the others where a long run hides their noise."""
+    lengths = equal_runs(values)[1]
+    others = values[~np.repeat(lengths > LARGE_PART * len(values), lengths)]
+    step = max(quantum, resolution(others))
+    noise = _slow_noise(others, step)
+    if len(others) < len(values) and noise <= MIN_BLUR * step:
+        step = max(quantum, resolution(values))
+        noise = _slow_noise(values, step)
+    return step, noise
 
 
 def _slow_noise(values: Array, step: float) -> float:
@@ -261,9 +274,6 @@ def _slow(
         longest = max(longest, math.ceil(often / -math.log(equal)) if equal < 1.0 else len(values))
     starts, lengths = equal_runs(values)
     still = np.repeat(lengths >= longest, lengths)
-    longest_run = np.repeat(lengths > 0.5 * len(values), lengths)
-    if longest_run.any() and _slow_noise(values[~longest_run], step) > MIN_BLUR * step:
-        still |= longest_run  # most of them, so that the noise of the others does not show
     copied = still & False
     if noise > 0.5 * step:
         copied = _copied(values, step, ~still)

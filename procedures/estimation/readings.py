@@ -103,6 +103,9 @@ def suiting(
             if chance < BY_CHANCE:
                 suits.append(Suit(reading, other, rest.squares, chance))
     suits.sort(key=lambda suit: suit.squares)
+    if not stated.noise:
+        # What is no better than the stated reading beside the best one is none, either.
+        suits = [suit for suit in suits if BETTER**2 * suit.squares <= suits[0].squares]
     return suits if len(suits) <= MAX_NAMED else []
 
 
