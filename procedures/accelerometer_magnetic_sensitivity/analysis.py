@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from station.findings import Estimate, Flag, undetermined
 
-from .causes import LIKE_HYSTERESIS, cause_flag
+from .causes import cause_flags
 from .dataset import AccelerometerAnalysis, AccelerometerDataset, LeftOut, Nuisance, Path, Rows
 from .finite_memory import finite_memory_path, published_values
-from .flags import (
-    SCALE_DRIFT,
-    data_flags,
-    frozen_flags,
-    jump_flag,
-    moved_flags,
-    residual_flags,
-    result_flags,
-)
-from .history import tells_history
+from .flags import result_flags, solution_flags
 from .misread import misread_flags
 from .model import (
     COEFFICIENTS,
@@ -30,13 +20,13 @@ from .model import (
     GRAVITY_POWER,
     UNITS,
     Identifiability,
-    accelerations,
     judge,
     model_columns,
 )
-from .nuisances import FEWEST_LEFT, K0_T, KI_DRIFT, KI_T, KO, KP, OFFSET, unit_of
+from .nuisances import FEWEST_LEFT, K0_T, KI_T, KO, KP, OFFSET
+from .nuisances import UNITS as NUISANCE_UNITS
 from .parameters import AnalysisSettings
-from .screening import coarse_step_V, frozen_temperature, screen
+from .screening import BEYOND, coarse_step_V, data_flags, screen
 from .solution import solve_rows
 from .solved import Solution, groups_of
 
@@ -45,9 +35,9 @@ Mask = NDArray[np.bool_]
 
 __all__ = ["AccelerometerAnalysis", "AnalysisSettings", "analyse"]
 
-BEYOND = "beyond {:g} sigma from the fit"
 SMALLEST_SINGULAR = 1e-7
 METHOD = "weighted"
+ASTRAY = "The measured angles or fields do not follow the commanded ones: no value is given."
 MOUNTING = {
     OFFSET: "mounting_zero_rad",
     KO: "mounting_towards_oa_rad",
@@ -66,83 +56,70 @@ def analyse(
     raises nothing for poor data: what they do not determine is None and flagged.
     """
     settings = settings or AnalysisSettings()
-    frozen = np.zeros(len(dataset), dtype=bool)
-    if dataset.temperature_degC is not None:
-        frozen = frozen_temperature(dataset.temperature_degC)
-        dataset = replace(dataset, temperature_degC=None) if frozen.any() else dataset
-    usable, left_out = screen(dataset)
+    screened = screen(dataset)
+    dataset, usable, left_out = screened.dataset, screened.usable, screened.left_out
+    places = np.flatnonzero(usable)
     planned = judge(
         dataset.plane[usable],
         dataset.theta_commanded_deg[usable],
         dataset.field_commanded_T[usable],
         dataset.gravity_g,
     )
-    solution: Solution | None = None
     rows = _rows(dataset, usable)
-    as_planned = planned.rank > 0 and _as_planned(rows, planned)
-    if as_planned and int(usable.sum()) > planned.rank:
-        solution = solve_rows(rows, planned.kept, settings)
-        if solution.degrees_of_freedom < FEWEST_LEFT:
-            solution = None
-    misread: list[Flag] = []
-    if solution is not None:
-        misread, certain = misread_flags(rows, solution)
-        solution = None if certain else solution
-        as_planned = as_planned and not certain
-    residual_V = np.full(len(dataset), np.nan)
+    path = _path(rows, places, planned, settings)
+    solution, unsolved, more = _solution(rows, planned, settings)
+    measured, residual_V = planned, np.full(len(dataset), np.nan)
     used = np.zeros(len(dataset), dtype=bool)
+    covariance = np.zeros((0, 0))
+    nuisances: tuple[Nuisance, ...] = ()
     if solution is not None:
-        residual_V[usable] = solution.residual_V
-        used[usable] = solution.kept
-        far = np.flatnonzero(usable)[~solution.kept]
-        reason = BEYOND.format(settings.outlier)
-        left_out = tuple(
-            sorted((*left_out, *(LeftOut(int(row), reason) for row in far)), key=lambda x: x.row)
-        )
-    measured = planned
-    if solution is not None and solution.shares is not None:
+        residual_V[usable], used[usable] = solution.residual_V, solution.kept
+        far = [LeftOut(int(row), BEYOND.format(settings.outlier)) for row in places[~solution.kept]]
+        left_out = tuple(sorted((*left_out, *far), key=lambda left: left.row))
         largest_T = float(np.max(np.abs(rows.commanded_T))) or 1.0
         measured = planned.as_measured(solution.shares[: planned.rank], largest_T)
-    estimates = _estimates(measured, solution, rows.temperature_degC, rows.gravity_g, settings)
-    path = _path(dataset, usable, planned, settings)
-    drift = solution.drift_order if solution is not None else 0
-    lag_one = solution.lag_one_correlation if solution is not None else None
-    flags = [*frozen_flags(frozen), *data_flags(dataset, left_out, settings)]
-    counted = int(used.sum() if solution is not None else usable.sum())
-    flags += result_flags(
-        planned, estimates, drift, lag_one, counted, settings, as_planned, measured
-    )
-    if solution is not None and solution.jump is not None:
-        off = [int(row) for row in np.flatnonzero(usable)[solution.jump.rows]]
-        flags.append(jump_flag(dataset, off, solution.jump))
-    if solution is not None and KI_DRIFT in solution.names:
-        flags.append(SCALE_DRIFT)
-    flags += [*misread, *moved_flags(planned, measured)]
-    if solution is not None:
-        flags += residual_flags(solution, coarse_step_V(dataset.output_V[usable]))
-    if solution is not None and solution.cause is not None:
-        flags.append(cause_flag(solution, solution.cause, np.flatnonzero(usable)))
-        distinguished = tells_history(dataset.field_commanded_T[usable])
-        if solution.cause.code == "hysteresis" and not distinguished:
-            flags.append(LIKE_HYSTERESIS)
-    count = planned.rank if solution is not None else 0
+        covariance = solution.covariance[: planned.rank, : planned.rank]
+        nuisances = _nuisances(solution, planned.rank)
+        more += solution_flags(solution, coarse_step_V(rows.output_V), settings)
+        more += cause_flags(solution, dataset, places)
+    estimates = _estimates(measured, solution, rows, settings)
     return AccelerometerAnalysis(
         identifiability=measured,
         estimates=estimates,
-        covariance=solution.covariance[:count, :count] if solution else np.zeros((0, 0)),
+        covariance=covariance,
         published=published_values(path),
-        nuisances=_nuisances(solution, planned.rank),
+        nuisances=nuisances,
         not_separable=solution.not_separable if solution else (),
         left_out=left_out,
-        flags=tuple(flags),
+        flags=(
+            *data_flags(screened, left_out, settings),
+            *result_flags(planned, measured, estimates, unsolved, settings),
+            *more,
+        ),
         used=used,
         residual_V=residual_V,
         noise_V=solution.noise_V if solution else None,
-        lag_one_correlation=lag_one,
+        lag_one_correlation=solution.lag_one_correlation if solution else None,
         condition=solution.condition if solution else None,
-        drift_order=drift,
+        drift_order=solution.drift_order if solution else 0,
         path=path,
     )
+
+
+def _solution(
+    rows: Rows, planned: Identifiability, settings: AnalysisSettings
+) -> tuple[Solution | None, str, list[Flag]]:
+    """Return the solution, or why there is none, and the flags of columns that mean another."""
+    if planned.rank > 0 and not _as_planned(rows, planned):
+        return None, ASTRAY, []
+    few = f"{len(rows.time_s)} usable rows are too few."
+    if not 0 < planned.rank < len(rows.time_s):
+        return None, few, []
+    solution = solve_rows(rows, planned.kept, settings)
+    if solution.degrees_of_freedom < FEWEST_LEFT:
+        return None, few, []
+    misread, certain = misread_flags(rows, solution)
+    return (None, ASTRAY, misread) if certain else (solution, "", misread)
 
 
 def _rows(dataset: AccelerometerDataset, usable: Mask) -> Rows:
@@ -175,8 +152,7 @@ def _as_planned(rows: Rows, planned: Identifiability) -> bool:
 def _estimates(
     measured: Identifiability,
     solution: Solution | None,
-    temperature_degC: Array | None,
-    gravity_g: float,
+    rows: Rows,
     settings: AnalysisSettings,
 ) -> tuple[Estimate, ...]:
     """Return all thirteen in order, null where they are folded or nothing could be solved.
@@ -184,33 +160,37 @@ def _estimates(
     They hold at the mean temperature of the rows, which the temperature terms are taken from.
     """
     values: dict[str, float] = {}
-    ki = settings.scale_factor_V_per_g
     at: dict[str, object] = {}
-    if temperature_degC is not None and len(temperature_degC):
-        at = {"conditions": {"temperature": f"{float(np.mean(temperature_degC)):.2f} degC"}}
+    if rows.temperature_degC is not None and len(rows.temperature_degC):
+        degC = float(np.mean(rows.temperature_degC))
+        at = {"conditions": {"temperature": f"{degC:.2f} degC"}}
     if solution is not None:
-        values = {name: float(solution.coefficients[j]) for j, name in enumerate(measured.kept)}
-        ki = values.get("Ki", ki)
+        values = {name: solution.values[name] for name in measured.kept}
+    ki = values.get("Ki", settings.scale_factor_V_per_g)
     estimates = []
-    for name in COEFFICIENTS:
+    for name, unit in UNITS.items():
         if solution is None or name not in values:
-            estimates.append(undetermined(name, None, UNITS[name], METHOD))
+            estimates.append(undetermined(name, None, unit, METHOD))
             continue
-        place = measured.kept.index(name)
+        place, terms = measured.kept.index(name), dict(measured.terms[name])
+        sensitivities = (
+            _sensitivities(name, values, rows.gravity_g)
+            | _by_thermometer(name, solution)
+            | _by_graduation(terms, values)
+            | _by_mounting(solution, place, ki)
+        )
+        u, freedom = np.sqrt(solution.covariance[place, place]), solution.degrees_of_freedom
         estimates.append(
             Estimate(
                 name,
                 None,
                 values[name],
-                UNITS[name],
-                float(np.sqrt(solution.covariance[place, place])),
-                float(solution.degrees_of_freedom),
+                unit,
+                float(u),
+                float(freedom),
                 METHOD,
-                _sensitivities(name, values, gravity_g)
-                | _by_thermometer(name, solution)
-                | _by_graduation(measured.terms[name], values)
-                | _by_mounting(solution, place, ki),
-                {"terms": dict(measured.terms[name]), **at},
+                sensitivities,
+                {"terms": terms, **at},
             )
         )
     return tuple(estimates)
@@ -241,10 +221,8 @@ def _sensitivities(name: str, values: dict[str, float], gravity_g: float) -> dic
 
 def _by_thermometer(name: str, solution: Solution) -> dict[str, float]:
     """Return the derivative of K0 and Ki by an error of the temperature that they hold at."""
-    term = {"K0": K0_T, "Ki": KI_T}.get(name)
-    if term not in solution.names:
-        return {}
-    return {"thermometer_degC": float(solution.coefficients[solution.names.index(term)])}
+    by = solution.values.get({"K0": K0_T, "Ki": KI_T}.get(name, ""))
+    return {} if by is None else {"thermometer_degC": by}
 
 
 def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
@@ -272,33 +250,20 @@ def _by_mounting(solution: Solution, place: int, ki: float) -> dict[str, float]:
 
 
 def _path(
-    dataset: AccelerometerDataset,
-    usable: Mask,
-    planned: Identifiability,
-    settings: AnalysisSettings,
+    rows: Rows, places: NDArray[np.int64], planned: Identifiability, settings: AnalysisSettings
 ) -> Path | None:
-    rows = np.flatnonzero(usable)
-    places = [COEFFICIENTS.index(name) for name in planned.kept]
-    theta_rad = np.radians(dataset.theta_deg[rows])
-    acceleration_g = accelerations(dataset.plane[rows], theta_rad, dataset.gravity_g)
-    columns = model_columns(acceleration_g, dataset.field_T[rows])[:, places]
-    return finite_memory_path(
-        columns, dataset.output_V[rows], planned.kept, rows.astype(np.int64), settings.window
-    )
+    kept = [COEFFICIENTS.index(name) for name in planned.kept]
+    columns = model_columns(rows.accelerations(), rows.field_T)[:, kept]
+    return finite_memory_path(columns, rows.output_V, planned.kept, places, settings.window)
 
 
-def _nuisances(solution: Solution | None, rank: int) -> tuple[Nuisance, ...]:
-    if solution is None:
-        return ()
-    cause = solution.cause
-    units = dict.fromkeys(cause.names, cause.unit) if cause is not None else {}
+def _nuisances(solution: Solution, rank: int) -> tuple[Nuisance, ...]:
+    cause, units = solution.cause, NUISANCE_UNITS
+    if cause is not None:
+        units = {**units, **dict.fromkeys(cause.names, cause.unit)}
+    u = np.sqrt(np.diag(solution.covariance))
+    terms = list(solution.values.items())[rank:]
     return tuple(
-        Nuisance(
-            name,
-            float(solution.coefficients[j]),
-            float(np.sqrt(solution.covariance[j, j])),
-            units.get(name, unit_of(name)),
-        )
-        for j, name in enumerate(solution.names)
-        if j >= rank
+        Nuisance(name, value, float(own), units.get(name, "V"))
+        for (name, value), own in zip(terms, u[rank:], strict=True)
     )

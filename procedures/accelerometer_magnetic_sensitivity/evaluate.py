@@ -6,7 +6,7 @@ Of a run there is one row for each finished point.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -66,12 +66,12 @@ def findings_of_run(
     """Return what a run's finished points say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
-    inputs = [*type_b_inputs(parameters, bench), *_mounting(analysis, dataset)]
-    inputs = with_unstated(inputs, INPUTS)
-    findings = replace(findings_of(analysis, dataset, inputs), covariance=related(analysis))
-    finished = folder.finished_units()
-    known = [point.unit for point in parameters.points if point.unit in finished]
-    count = overloaded_readings(folder, known)
+    findings = _findings(analysis, dataset, type_b_inputs(parameters, bench))
+    count = sum(
+        int((folder.rows(MULTIMETER, point.unit)["overload"] != 0).sum())
+        for point in parameters.points
+        if point.unit in folder.finished_units()
+    )
     if not count or any(flag.code == "overload" for flag in findings.flags):
         return findings
     message = (
@@ -89,16 +89,17 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     tell that.
     """
     dataset = dataset_of_import(raw)
-    analysis = analyse(dataset)
-    stated = [*_mounting(analysis, dataset), *stated_inputs(raw.conditions(Conditions))]
-    findings = findings_of(analysis, dataset, with_unstated(stated, INPUTS))
-    return replace(findings, covariance=related(analysis))
+    return _findings(analyse(dataset), dataset, stated_inputs(raw.conditions(Conditions)))
 
 
-def related(analysis: AccelerometerAnalysis) -> Covariance:
-    """Return the covariance of the coefficients: all are solved together."""
+def _findings(
+    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset, inputs: Iterable[InputQuantity]
+) -> Findings:
+    """Return findings with all inputs, and the covariance of coefficients solved together."""
+    inputs = with_unstated([*inputs, *_mounting(analysis, dataset)], INPUTS)
     keys = tuple((name, None) for name in analysis.identifiability.kept)
-    return Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
+    related = Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
+    return replace(findings_of(analysis, dataset, inputs), covariance=related)
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
@@ -176,111 +177,62 @@ def range_of(folder: RunFolder, unit: str) -> float:
     return wider[-1] if wider else float(folder.finished_units()[unit]["range_V"])
 
 
-def overloaded_readings(folder: RunFolder, units: Sequence[str]) -> int:
-    """Return how many readings of the voltmeter in these units were overloads."""
-    return sum(int((folder.rows(MULTIMETER, unit)["overload"] != 0).sum()) for unit in units)
-
-
-def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> list[InputQuantity]:
-    """Return what the data cannot determine: gain and offset of gaussmeter and voltmeter."""
-    field_mT = parameters.largest_field_mT
-    largest_V = parameters.scale_factor_V_per_g
-    angle_u_rad, source = bench.stated(GAUSSMETER, "angle", 0.0, "rad") or (None, "")
-    return [
-        *_gain_and_offset(bench, GAUSSMETER, "field", field_mT, "mT", "field", ("T", 1e-3)),
-        *_gain_and_offset(bench, MULTIMETER, "voltage", largest_V, "V", "voltage", ("V", 1.0)),
-        *_graduation(bench),
-        *bench.stated_input((STAGE, "angle", 0.0, "rad"), STAGE_ANGLE, INPUTS[STAGE_ANGLE][0]),
-        *bench.stated_input(
-            (THERMOMETER, "temperature", USUAL_DEGC, "degC"), WARMTH, INPUTS[WARMTH][0]
-        ),
-        *probe_inputs(angle_u_rad, source, None),
-    ]
-
-
-def stated_inputs(conditions: Conditions) -> Iterable[InputQuantity]:
-    """Yield what the conditions of a dataset state."""
-    source = "the dataset's conditions"
-    for name, u, value in (
-        (GRAVITY, conditions.local_gravity_uncertainty_g, conditions.local_gravity_g),
-        (WARMTH, conditions.thermometer_uncertainty_degC, 0.0),
+def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> Iterator[InputQuantity]:
+    """Yield what the data cannot determine: gain and offset of gaussmeter and voltmeter, angles."""
+    for instrument, quantity, largest, unit, offset_unit, factor in (
+        (GAUSSMETER, "field", parameters.largest_field_mT, "mT", "T", T_PER_MT),
+        (MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V", "V", 1.0),
     ):
-        about, unit = INPUTS[name]
-        yield InputQuantity.if_stated(name, about, u, unit, source, value=value)
-    yield from probe_inputs(conditions.probe_angle_rad, source, conditions.ambient_field_T)
+        u, source = bench.stated(instrument, quantity, largest, unit) or (None, "")
+        at_zero, _ = bench.stated(instrument, quantity, 0.0, unit) or (0.0, "")
+        # The part at zero is common to all readings; the part that grows is a gain.
+        gain = None if u is None else math.sqrt(max(u**2 - at_zero**2, 0.0)) / largest
+        zero = None if u is None else at_zero * factor
+        yield _input(f"{quantity}_gain", gain, f"{source}, at {largest:g} {unit}")
+        yield _input(f"{quantity}_offset_{offset_unit}", zero, source)
+    for name, instrument, quantity, at, unit in (
+        (STAGE_ANGLE, STAGE, "angle", 0.0, "rad"),
+        (WARMTH, THERMOMETER, "temperature", USUAL_DEGC, "degC"),
+        ("graduation_sine_rad", STAGE, "graduation", FULL_TURN_DEG, "deg"),
+        ("graduation_cosine_rad", STAGE, "graduation", FULL_TURN_DEG, "deg"),
+    ):
+        u, source = bench.stated(instrument, quantity, at, unit) or (None, "")
+        in_rad = u is not None and unit == "deg"
+        yield _input(name, math.radians(u or 0.0) if in_rad else u, source)
+    leans_rad, source = bench.stated(GAUSSMETER, "angle", 0.0, "rad") or (None, "")
+    yield from _probe_inputs(leans_rad, source, None)
 
 
-def probe_inputs(
+def stated_inputs(conditions: Conditions) -> Iterator[InputQuantity]:
+    """Yield what the conditions of a dataset state."""
+    source, gravity_g = "the dataset's conditions", conditions.local_gravity_g
+    yield _input(GRAVITY, conditions.local_gravity_uncertainty_g, source, gravity_g)
+    yield _input(WARMTH, conditions.thermometer_uncertainty_degC, source)
+    yield from _probe_inputs(conditions.probe_angle_rad, source, conditions.ambient_field_T)
+
+
+def _probe_inputs(
     angle_u_rad: float | None, source: str, ambient_T: float | None
-) -> Iterable[InputQuantity]:
+) -> Iterator[InputQuantity]:
     """Yield what a probe reads that leans from the coil's axis: less of its field, some ambient."""
     across_T = None if angle_u_rad is None or ambient_T is None else angle_u_rad * ambient_T
-    for name, u in ((PROBE, cosine_u(angle_u_rad)), (AMBIENT, across_T)):
-        about, unit = INPUTS[name]
-        yield InputQuantity.if_stated(name, about, u, unit, source)
+    yield _input(PROBE, cosine_u(angle_u_rad), source)
+    yield _input(AMBIENT, across_T, source)
 
 
-def _graduation(bench: Bench) -> Iterable[InputQuantity]:
-    """Yield what is left of the stage's angle within a turn, where its certificate says it."""
-    stated = bench.stated(STAGE, "graduation", FULL_TURN_DEG, "deg")
-    if stated is None:
-        return
-    u_deg, source = stated
-    for wave in ("sine", "cosine"):
-        yield InputQuantity(
-            f"graduation_{wave}_rad",
-            f"graduation of {STAGE}, {wave} of the angle",
-            math.radians(u_deg),
-            "rad",
-            source,
-        )
+def _input(name: str, u: float | None, source: str, value: float = 0.0) -> InputQuantity:
+    about, unit = INPUTS[name]
+    return InputQuantity.if_stated(name, about, u, unit, source, value=value)
 
 
 def _mounting(
     analysis: AccelerometerAnalysis, dataset: AccelerometerDataset
-) -> Iterable[InputQuantity]:
+) -> Iterator[InputQuantity]:
     """Yield how the input axis leans, for what the rows do not tell apart from that."""
     used = {name for estimate in analysis.estimates for name in estimate.sensitivities}
     stated = dataset.mounting_rad
+    source = "assumed, nobody states it" if stated is None else "conditions, mounting"
     for name, where in LEANS.items():
         if name in used:
-            yield InputQuantity(
-                name,
-                f"mounting: input axis {where}",
-                MOUNTING_RAD if stated is None else stated,
-                "rad",
-                "assumed, nobody states it" if stated is None else "conditions, mounting",
-            )
-
-
-def _gain_and_offset(
-    bench: Bench,
-    instrument: str,
-    quantity: str,
-    largest: float,
-    unit: str,
-    name: str,
-    offset: tuple[str, float],
-) -> Iterable[InputQuantity]:
-    """Split a certificate's uncertainty into the part at zero and the part that grows."""
-    stated = bench.stated(instrument, quantity, largest, unit)
-    if stated is None:
-        return
-    at_largest, source = stated
-    at_zero, _ = bench.stated(instrument, quantity, 0.0, unit) or (0.0, source)
-    grown = math.sqrt(max(at_largest**2 - at_zero**2, 0.0))
-    yield InputQuantity(
-        f"{name}_gain",
-        f"{instrument} at {largest:g} {unit}",
-        grown / largest,
-        "1",
-        source,
-    )
-    offset_unit, factor = offset
-    yield InputQuantity(
-        f"{name}_offset_{offset_unit}",
-        f"zero of {instrument}",
-        at_zero * factor,
-        offset_unit,
-        source,
-    )
+            about, u_rad = f"mounting: input axis {where}", stated or MOUNTING_RAD
+            yield InputQuantity(name, about, u_rad, "rad", source)

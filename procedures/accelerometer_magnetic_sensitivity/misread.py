@@ -9,21 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from station.findings import Flag
+from procedures.estimation.linear import combine
+from procedures.estimation.readings import Reading, Remainder, named, suiting
+from station.findings import CONTRADICTS, Flag
 
 from .dataset import Rows
-from .lost_signs import with_signs
 from .model import PLANES, model_columns
 from .nuisances import KO, KP, OFFSET
 from .solved import Solution
 
 Array = NDArray[np.float64]
-Reading = tuple[float, str, dict[str, object]]
-"""What a reading of the columns leaves, in V; what it says; its details."""
+Posed = tuple[Array, Array]
+"""Columns of model, misalignment and the encoder's zero, (rows, 16), and the output (rows,)."""
 UNITS_DEG = {"rad": 180.0 / np.pi, "gon": 0.9, "turns": 360.0, "arcmin": 1 / 60, "arcsec": 1 / 3600}
 POOR_PART = 1e-3
 """Noise of this part of the output's range is none of a voltmeter or an accelerometer."""
@@ -32,8 +36,6 @@ HOPELESS = 20.0
 POOR_V = 1e-3
 """The same where no input acceleration spreads the output."""
 MANY_STRAYS = 0.2
-BETTER = 0.1
-"""A reading of the columns that leaves so small a part of the rms is the right one."""
 TILTED = 0.1
 """Of Ki: no accelerometer is mounted 6 deg off."""
 TILTED_V_PER_G = 0.05
@@ -41,7 +43,10 @@ TILTED_V_PER_G = 0.05
 LARGE_OFFSET_DEG = 3.0
 SIGNED = {"theta_deg": "theta_rad", "field_T": "field_T", "output_V": "output_V"}
 """Columns, by their name in the file, whose sign may change in the course of the rows."""
-PLACES = 9
+POSITION = "wrong-position"
+RIDGE = 1e-12
+"""Of each column's squares: a decomposition of none left fails otherwise."""
+ROUNDS = 12
 
 
 def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
@@ -49,29 +54,21 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
 
     Where it is, no coefficient can be reported.
     """
-    values = dict(zip(solution.names, solution.coefficients, strict=True))
+    values = solution.values
     poor_V = POOR_PART * float(np.std(rows.output_V)) if "Ki" in values else POOR_V
     noise_V = float(np.sqrt(np.mean(solution.residual_V**2)))
     strays = float(np.mean(~solution.kept))
     offset_deg = values.get(OFFSET, 0.0) / 3600.0
     poor = max(noise_V, solution.noise_V) > poor_V or strays > MANY_STRAYS
-    explained = (solution.misfit, solution.cause, solution.jump) != (None, None, None)
+    explained = solution.misfit is not None or solution.cause is not None
     if poor or explained or abs(offset_deg) > LARGE_OFFSET_DEG:
-        stated_V = _left(rows)
-        tried = [(_left(other), how, details) for other, how, details in _readings(rows)]
-        tried += [*_late(rows), *_from_a_row_on(rows)]
-        best_V, how, details = min(tried, key=lambda attempt: attempt[0])
-        if best_V < BETTER * stated_V:
-            if "statement" in details:
-                unit_text = (
-                    f"The column {details['statement']} {how}; nothing is reported. Correct it."
-                )
-                return [Flag("contradicts-statement", unit_text, details=details)], True
-            plane_text = (
-                f"The output fits where {how}, and not as stated; nothing is reported. Look at "
-                "the mounting and at the columns plane and theta_deg."
+        suits = suiting(_posed(rows), [list(_readings(rows))], _remainder)
+        if suits:
+            text = (
+                f"The output is followed only if {named(suits)}. Nothing is reported: correct the "
+                "table, or look at the mounting, and analyse it again."
             )
-            return [Flag("wrong-position", plane_text, details=details)], True
+            return [suits[0].reading.flag(text)], True
     tilted = max(abs(values.get(name, 0.0)) for name in (KO, KP))
     if tilted > (TILTED * abs(values["Ki"]) if "Ki" in values else TILTED_V_PER_G):
         tilt_text = (
@@ -79,14 +76,13 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
             "Another plane or another zero of the angle was recorded; nothing is reported. Look "
             "at the mounting and at the columns plane and theta_deg."
         )
-        details = {"misalignment_V_per_g": tilted}
-        return [Flag("wrong-position", tilt_text, details=details)], True
+        return [Flag(POSITION, tilt_text, details={"misalignment_V_per_g": tilted})], True
     if abs(offset_deg) > LARGE_OFFSET_DEG:
         zero_text = (
             f"The zero of the encoder is {offset_deg:.4g} deg off, which the solution corrects: "
             "look whether the accelerometer is mounted as stated."
         )
-        return [Flag("wrong-position", zero_text, details={"offset_deg": offset_deg})], False
+        return [Flag(POSITION, zero_text, details={"offset_deg": offset_deg})], False
     if solution.noise_V > HOPELESS * poor_V or strays > MANY_STRAYS:
         astray_text = (
             f"The output does not follow angle and field: {100.0 * strays:.2g} % of the rows are "
@@ -97,96 +93,122 @@ def misread_flags(rows: Rows, solution: Solution) -> tuple[list[Flag], bool]:
     return [], False
 
 
-def _readings(rows: Rows) -> Iterator[tuple[Rows, str, dict[str, object]]]:
-    """Yield other readings of the rows, each with what it says and its details."""
+def _readings(rows: Rows) -> Iterator[Reading[Posed]]:
+    """Yield other readings of the rows."""
+    theta, output_V, plane = rows.theta_rad, rows.output_V, rows.plane
+
+    def read(
+        what: str, statement: str, code: str = CONTRADICTS, **columns: NDArray[Any]
+    ) -> Reading[Posed]:
+        other = replace(rows, **columns)  # type: ignore[arg-type]
+        return Reading(what, lambda _: _posed(other), statement, {}, code)
+
     for unit, factor in UNITS_DEG.items():
-        details: dict[str, object] = {"statement": "theta_deg", "unit": unit}
-        yield replace(rows, theta_rad=factor * rows.theta_rad), f"is in {unit}", details
-    output_V, late = rows.output_V, "stands one row late"
-    details = {"statement": "output_V"}
-    yield replace(rows, output_V=np.append(output_V[1:], output_V[-1])), late, details
-    early = "stands one row early"
-    yield replace(rows, output_V=np.append(output_V[0], output_V[:-1])), early, details
-    signed = with_signs(rows)
-    if signed is not None:
-        lost = "holds the size of the field without its sign, and so does field_commanded_T"
-        yield signed, lost, {"statement": "field_T"}
-    names = [str(name) for name in np.unique(rows.plane)]
-    for name in names:
-        there = rows.plane == name
-        details = {"plane": name}
-        if len(names) > 1:
-            other = np.where(there, -rows.theta_rad, rows.theta_rad)
-            how = f"plane {name} turns in the other sense"
-            yield replace(rows, theta_rad=other), how, details
-            other = np.where(there, -rows.field_T, rows.field_T)
-            how = f"has the other sign in plane {name}"
-            yield replace(rows, field_T=other), how, {"statement": "field_T", "plane": name}
-            for deg in (90, 180, 270):
-                other = rows.theta_rad + np.radians(deg) * there
-                how = f"plane {name} is turned by {deg} deg"
-                yield replace(rows, theta_rad=other), how, details
-        for new in PLANES:
-            if new != name:
-                other_plane = np.where(there, new, rows.plane)
-                yield replace(rows, plane=other_plane), f"plane {name} is {new}", details
-            if new in names and new > name:
-                other_plane = np.where(rows.plane == new, name, np.where(there, new, rows.plane))
-                how = f"the planes {name} and {new} are exchanged"
-                yield replace(rows, plane=other_plane), how, details
-
-
-def _late(rows: Rows) -> Iterator[Reading]:
-    """Yield how an output that holds a large part of the row before would fit."""
-    columns = _columns(rows)
-    before = np.vstack((columns[:1], columns[:-1]))
+        yield read(f"theta_deg is in {unit}", "theta_deg", theta_rad=factor * theta)
+    late, early = np.append(output_V[1:], output_V[-1]), np.append(output_V[0], output_V[:-1])
+    yield read("output_V stands one row late", "output_V", output_V=late)
+    yield read("output_V stands one row early", "output_V", output_V=early)
     for part in np.linspace(0.1, 0.9, 9):
-        left_V = _left_by((1.0 - part) * columns + part * before, rows.output_V)
-        how = f"holds about {100.0 * part:.0f} % of the row before"
-        yield left_V, how, {"statement": "output_V", "part": float(part)}
-
-
-def _from_a_row_on(rows: Rows) -> Iterator[Reading]:
-    """Yield how columns of the other sign from some row on would fit, the row looked for."""
-    count = len(rows.time_s)
+        what = f"output_V holds about {100.0 * part:.0f} % of the row before"
+        yield Reading(what, partial(_run_together, float(part)), "output_V")
+    signs = lost_signs(rows)
+    if signs is not None:
+        what = "field_T and field_commanded_T hold the size of the field without its sign"
+        yield read(what, "field_T", field_T=signs * np.abs(rows.field_T))
     for statement, name in SIGNED.items():
         turned = replace(rows, **{name: -getattr(rows, name)})
-        first, last = 1, count - 1
-        tried: dict[int, float] = {}
-        while last > first:
-            places = np.unique(np.linspace(first, last, PLACES).round().astype(int))
-            for row in places:
-                if row not in tried:
-                    after = np.arange(count) >= row
-                    mixed = np.where(after, getattr(turned, name), getattr(rows, name))
-                    tried[int(row)] = _left(replace(rows, **{name: mixed}))
-            place = int(np.argmin([tried[int(row)] for row in places]))
-            step = (int(places[max(place - 1, 0)]), int(places[min(place + 1, len(places) - 1)]))
-            if step == (first, last):
-                break
-            first, last = step
-        best = min(tried, key=lambda row: tried[row])
-        how = f"has the other sign from row {best} of the usable rows on, counted from 0"
-        yield tried[best], how, {"statement": statement, "row": best}
+        row = _turning_row(_posed(rows), _posed(turned))
+        mixed = np.where(np.arange(len(theta)) < row, 1.0, -1.0) * getattr(rows, name)
+        what = (
+            f"{statement} has the other sign from row {row} of the usable rows on, counted from 0"
+        )
+        yield read(what, statement, **{name: mixed})
+    names = [str(name) for name in np.unique(plane)]
+    for name in names if len(names) > 1 else ():
+        there = plane == name
+        for column in ("field_T", "output_V"):
+            turned = np.where(there, -1.0, 1.0) * getattr(rows, column)
+            what = f"{column} has the other sign in plane {name}"
+            yield read(what, column, **{column: turned})
+        what, other = f"plane {name} turns in the other sense", np.where(there, -theta, theta)
+        yield read(what, "plane", POSITION, theta_rad=other)
+        for deg in (90, 180, 270):
+            what, other = f"plane {name} is turned by {deg} deg", theta + np.radians(deg) * there
+            yield read(what, "plane", POSITION, theta_rad=other)
+    for name in names:
+        for new in PLANES:
+            if new != name:
+                other_plane = np.where(plane == name, new, plane)
+                yield read(f"plane {name} is {new}", "plane", POSITION, plane=other_plane)
+    for name, new in combinations(names, 2):
+        swapped = np.where(plane == new, name, np.where(plane == name, new, plane))
+        what = f"the planes {name} and {new} are exchanged"
+        yield read(what, "plane", POSITION, plane=swapped)
 
 
-def _left(rows: Rows) -> float:
-    """Return the rms, in V, that model and misalignment leave of a reading of the rows."""
-    return _left_by(_columns(rows), rows.output_V)
-
-
-def _columns(rows: Rows) -> Array:
-    """Return the columns of model, misalignment and the encoder's zero, (rows, 16)."""
+def _posed(rows: Rows) -> Posed:
     acceleration_g = rows.accelerations()
-    return np.column_stack(
-        (model_columns(acceleration_g, rows.field_T), acceleration_g[:, 1:], rows.slope)
-    )
-
-
-def _left_by(columns: Array, output_V: Array) -> float:
-    """Return the rms, in V, that columns (rows, k) leave of an output (rows,)."""
+    model = model_columns(acceleration_g, rows.field_T)
+    columns = np.column_stack((model, acceleration_g[:, 1:], rows.slope))
     size = np.linalg.norm(columns, axis=0)
-    columns = columns / np.where(size > 0.0, size, 1.0)
-    solved = np.linalg.lstsq(columns, output_V, rcond=1e-9)[0]
-    left_V = output_V - np.einsum("ij,j->i", columns, solved)
-    return float(np.sqrt(np.mean(left_V**2)))
+    return columns / np.where(size > 0.0, size, 1.0), rows.output_V
+
+
+def _run_together(part: float, posed: Posed) -> Posed:
+    """Return an output that holds a part of the row before."""
+    columns, output_V = posed
+    before = np.vstack((columns[:1], columns[:-1]))
+    return (1.0 - part) * columns + part * before, output_V
+
+
+def _fitted(posed: Posed) -> tuple[Array, Array]:
+    """Return the coefficients of the columns (16,), and what they leave of the output (rows,)."""
+    columns, output_V = posed
+    coefficients = np.asarray(np.linalg.lstsq(columns, output_V, rcond=1e-9)[0])
+    return coefficients, output_V - combine(columns, coefficients)
+
+
+def _remainder(posed: Posed) -> Remainder:
+    left_V = _fitted(posed)[1]
+    return Remainder(float(left_V @ left_V), max(len(left_V) - posed[0].shape[1], 1))
+
+
+def _turning_row(stated: Posed, turned: Posed) -> int:
+    """Return from which row on the turned columns leave the smallest squares."""
+    first, second = (
+        both[:, :, None] * both[:, None, :]
+        for both in (np.column_stack(posed) for posed in (stated, turned))
+    )
+    products = np.cumsum(first - second, axis=0)[:-1] + second.sum(axis=0)
+    places = np.arange(products.shape[1])
+    products[:, places, places] *= 1.0 + RIDGE
+    products[:, places, places] += RIDGE
+    return 1 + int(np.argmin(np.linalg.cholesky(products)[:, -1, -1]))
+
+
+def lost_signs(rows: Rows) -> Array | None:
+    """Return the signs of a field without signs that suit the rows best; None where it has signs.
+
+    A row has one of two outputs, the model's at the field or at its opposite. From a first guess
+    signs and coefficients are found in turn, each row taking the sign that leaves it less.
+    """
+    commanded_T = rows.commanded_T
+    one_sided = float(commanded_T.min()) >= 0.0 or float(commanded_T.max()) <= 0.0
+    if not one_sided or not commanded_T.any():
+        return None
+    left_V = _fitted(_posed(rows))[1]
+    went = np.cumsum(np.diff(np.abs(commanded_T), prepend=0.0) > 0.0) % 2
+    by_input = left_V * np.where(rows.accelerations()[:, 0] < 0.0, -1.0, 1.0)
+    settled: list[tuple[float, int, Array]] = []
+    for begin in (left_V, by_input, 2.0 * went - 1.0):
+        signs = np.where(begin < 0.0, -1.0, 1.0)
+        for _ in range(ROUNDS):
+            signed = replace(rows, field_T=signs * np.abs(rows.field_T))
+            coefficients, left_V = _fitted(_posed(signed))
+            turned, _ = _posed(replace(rows, field_T=-signed.field_T))
+            better = np.abs(rows.output_V - combine(turned, coefficients)) < np.abs(left_V)
+            if not better.any():
+                break
+            signs = np.where(better, -signs, signs)
+        settled.append((float(left_V @ left_V), len(settled), signs))
+    return min(settled)[2]

@@ -2,37 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.special import ndtr, stdtrit
 
 from procedures.estimation.alternatives import Alternative
 from procedures.estimation.linear import combine
-from procedures.estimation.orthogonal import (
-    OrthogonalFit,
-    choose_by_information,
-    keep_inliers,
-    solve_by_qr,
-)
+from procedures.estimation.orthogonal import choose_by_information, keep_inliers, solve_by_qr
 
 from .causes import causes_to_try, known_causes, with_doubt
 from .dataset import Rows
-from .jump import Suspects, find_jumps, may_be_off
 from .model import model_columns
-from .nuisances import ARCSEC_PER_RAD, OFFSET, ROUNDS, TurnedModel, chosen, separable, slow_terms
+from .nuisances import (
+    ANGLES,
+    ARCSEC_PER_RAD,
+    ENCODER_JUMP,
+    JUMP,
+    ROUNDS,
+    TurnedModel,
+    chosen,
+    separable,
+    slow_terms,
+    stacked,
+)
 from .parameters import AnalysisSettings
-from .solved import JUMP, Jump, Solution, Solved, uneven, with_misfit
+from .solved import FEWEST_OF_A_GROUP, Solution, Solved, uneven, with_misfit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SETTLED_RAD = 1e-10
-FEWEST_OF_A_GROUP = 20
 ENOUGH_LEFT = 12
-ANGLES = (OFFSET, JUMP)
+MAX_JUMP_RAD = 1.0
+"""An encoder slips by a mark of the plan at the most."""
+FAR_RAD, FINE_RAD = 0.2, 1e-6
+"""How far a jump that is misalignment to the first order is looked for, and how finely."""
 
 
 def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solution:
@@ -40,8 +47,8 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
 
     Needs more rows than kept coefficients. Encoder offset and misalignment are in the model
     wherever they are independent of the kept columns; temperature and drift where the information
-    criterion asks for them; a jump of the encoder where the model follows the rows badly without
-    it and well with it.
+    criterion asks for them; a cause beside the model, such as a jump of the encoder, where the
+    model follows the rows badly without it and well with it.
     """
     solved = _best_of(rows, kept_names, settings)
     noise = uneven(rows, solved.solution) if rows.noise_group is None else None
@@ -49,105 +56,104 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
         weight = float(np.median(noise.noise_V)) / noise.noise_V[noise.group]
         rows = replace(rows, noise_group=noise.group, root_weight=weight)
         solved = _best_of(rows, kept_names, settings)
-    kept = solved.solution.kept
-    columns = model_columns(solved.acceleration_g, rows.field_T)[kept]
-    scale = np.linalg.norm(solved.design[kept], axis=0)
-    shares = np.linalg.lstsq(solved.design[kept] / scale, columns, rcond=None)[0] / scale[:, None]
-    return replace(with_misfit(solved, rows.groups), uneven=noise, shares=shares)
+    return replace(with_misfit(solved, rows.groups), uneven=noise)
 
 
 def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:
     """Return the best of the solutions with no, or one, cause beside the model."""
     first = _solve(rows, kept_names, settings)
-    plain = first.solution
-    suspects = Suspects.of(rows.plane, rows.theta_rad)
-    model = TurnedModel(rows, kept_names)
-    whole = np.ones(len(rows.time_s), dtype=bool)
-    solutions = [first]
     known = known_causes(rows, first.acceleration_g, first.model_coefficients)
-    causes = causes_to_try(first, rows, suspects, known)
-    solutions += [_solve(rows, kept_names, settings, cause=cause) for cause in causes]
-    if OFFSET not in plain.names or not may_be_off(first, rows.output_V, suspects, settings):
-        return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
-    tried = set()
-    for slow in (first.slow[:, :0], first.slow) if first.slow.shape[1] else (first.slow,):
-
-        def columns_at(added_rad: Array, slow: Array = slow) -> Array:
-            return np.column_stack((model.with_misalignment(added_rad), slow))
-
-        for inside in (whole, plain.kept):
-            for jump in find_jumps(suspects, columns_at, first.slope, rows.output_V, inside):
-                if jump.rows.tobytes() not in tried:
-                    tried.add(jump.rows.tobytes())
-                    solutions.append(_solve(rows, kept_names, settings, jump))
-    return with_doubt(_best(solutions, len(whole)), rows, suspects, known)
-
-
-def _best(solutions: list[Solved], rows: int) -> Solved:
-    """Return the solution that the information criterion prefers."""
-    squares = [candidate.solution.sum_of_squares for candidate in solutions]
-    prices = [candidate.solution.price for candidate in solutions]
-    return solutions[choose_by_information(squares, prices, rows)]
+    causes = causes_to_try(first, rows, known)
+    others = (_solve(rows, kept_names, settings, cause) for cause in causes)
+    tried = [first, *(other for other in others if abs(other.solution.jump_rad) < MAX_JUMP_RAD)]
+    squares = [best.solution.sum_of_squares for best in tried]
+    prices = [best.solution.price for best in tried]
+    best = tried[choose_by_information(squares, prices, len(rows.time_s))]
+    return with_doubt(best, rows, known)
 
 
 def _solve(
     rows: Rows,
     kept_names: tuple[str, ...],
     settings: AnalysisSettings,
-    jump: Jump | None = None,
     cause: Alternative | None = None,
 ) -> Solved:
-    """Solve with the encoder off in the rows of a jump, which begins at the jump's angle.
-
-    Or with the columns of another cause.
-    """
-    model = TurnedModel(rows, kept_names, None if jump is None else jump.rows, cause)
-    angles = {} if jump is None else {JUMP: jump.angle_rad}
-    begin, data = model.correction_rad(angles), rows.output_V
-    start = model.with_misalignment(begin)
+    """Solve with the columns of a cause, or with the encoder off in its rows."""
+    model, data = TurnedModel(rows, kept_names, cause), rows.output_V
+    whole = np.ones(len(data), dtype=bool)
+    angles: dict[str, float] = {}
+    names, start = model.fixed(model.correction_rad(angles), whole)
+    if cause is not None and cause.code == ENCODER_JUMP:
+        angles = {JUMP: 0.0 if JUMP in names else _jump_rad(model)}
+        angles = model.without_large_angles(angles, whole)
+        _, start = model.fixed(model.correction_rad(angles))
     inside = keep_inliers(start, data, far(start, settings.outlier), rows.root_weight)
     model.guess(solve_by_qr(start[inside], data[inside]).coefficients)
-    begin = model.without_large_offset(begin, inside)
-    fixed_names, fixed = model.fixed(begin)
+    model.fixed(model.correction_rad(angles), inside)
+    angles = model.without_large_angles(angles, inside)
+    fixed_names, fixed = model.fixed(model.correction_rad(angles))
     room = max(0, (len(data) - fixed.shape[1]) // 6)
-    slow = slow_terms(
-        rows.time_s,
-        rows.temperature_degC,
-        rows.accelerations()[:, 0],
-        min(settings.max_drift_order, room),
-    )
-    usable = separable(fixed, slow, np.ones(len(data), dtype=bool))
-    whole = np.column_stack((fixed, usable.columns))
-    inside = keep_inliers(whole, data, far(whole, settings.outlier), rows.root_weight)
+    slow = slow_terms(rows, min(settings.max_drift_order, room))
+    usable = separable(fixed, slow, whole)
+    design = np.column_stack((fixed, stacked(usable, len(data))))
+    inside = keep_inliers(design, data, far(design, settings.outlier), rows.root_weight)
     usable = separable(fixed, usable, inside)
-    weight = group_weights(rows, np.column_stack((fixed, usable.columns)), inside)
-    terms = usable.only(chosen(fixed, data, usable, inside, weight))
+    weight = group_weights(rows, np.column_stack((fixed, stacked(usable, len(data)))), inside)
+    terms = chosen(fixed, data, usable, inside, weight)
+    columns = stacked(terms, len(data))
     # A jump that is misalignment to the first order cannot be solved for: its angle stays.
     turned = [name for name in ANGLES if name in fixed_names]
-    if OFFSET in turned:
-        angles[OFFSET] = float((begin - model.correction_rad(angles))[0])
     kept = inside
     for n in range(ROUNDS):
         _, fixed = model.fixed(model.correction_rad(angles))
-        design = np.column_stack((fixed, terms.columns))
+        design = np.column_stack((fixed, columns))
         threshold = far(design, settings.outlier)
         kept = keep_inliers(design, data, threshold, weight) if n < 3 else kept
         fit = solve_by_qr(design[kept], data[kept], weight[kept])
         model.guess(fit.coefficients)
         steps = {name: float(fit.coefficients[fixed_names.index(name)]) for name in turned}
-        angles |= {name: angles[name] + steps[name] for name in turned}
+        angles |= {name: angles.get(name, 0.0) + step for name, step in steps.items()}
         if all(abs(step) < SETTLED_RAD for step in steps.values()) and (n or not turned):
             break
-    lost = tuple(name for name in slow.names if name not in usable.names)
-    names = (*fixed_names, *terms.names)
-    warmth = model.unfitted_warmth(usable, terms.names, kept) * weight[kept, None] ** 2
-    solved_rad = {name: angles[name] for name in turned}
-    if jump is not None:
-        jump = replace(jump, angle_rad=angles[JUMP])
-    solution = _solution(model, design, data, fit, kept, names, solved_rad, lost, warmth, jump)
-    solution = replace(solution, cause=cause)
+    names = (*fixed_names, *terms)
+    freedom = int(kept.sum()) - design.shape[1]
+    variance = fit.sum_of_squares / freedom if freedom > 0 else float("nan")
+    warmth = model.unfitted_warmth(usable, terms, kept) * weight[kept, None] ** 2
+    moved = fit.inverse_normal @ design[kept].T @ warmth
+    values = [angles.get(name, b) for name, b in zip(names, fit.coefficients, strict=True)]
+    factor = np.where(np.isin(names, ANGLES), ARCSEC_PER_RAD, 1.0)
     turned_g = rows.accelerations(model.correction_rad(angles))
-    return Solved(solution, design, model.slope, terms.columns, turned_g, model.coefficients)
+    whole_model = model_columns(turned_g, rows.field_T)[kept]
+    scale = np.linalg.norm(design[kept], axis=0)
+    shares = np.linalg.lstsq(design[kept] / scale, whole_model, rcond=None)[0] / scale[:, None]
+    solution = Solution(
+        names=names,
+        coefficients=np.array(values) * factor,
+        covariance=(variance * fit.inverse_normal + moved @ moved.T) * np.outer(factor, factor),
+        kept=kept,
+        residual_V=data - combine(design, fit.coefficients),
+        degrees_of_freedom=freedom,
+        noise_V=float(np.sqrt(variance)),
+        condition=fit.condition,
+        not_separable=(*model.not_separable, *(name for name in slow if name not in usable)),
+        folded=model.folded,
+        cause=cause,
+        jump_rad=angles.get(JUMP, 0.0),
+        shares=shares,
+    )
+    return Solved(solution, design, model.slope, columns, turned_g, model.coefficients)
+
+
+def _jump_rad(model: TurnedModel) -> float:
+    """Return the angle of a jump that leaves the smallest squares of all rows."""
+
+    def squares(jump_rad: float) -> float:
+        _, design = model.fixed(model.correction_rad({JUMP: jump_rad}))
+        return solve_by_qr(design, model.rows.output_V).sum_of_squares
+
+    options = {"xatol": FINE_RAD}
+    lowest = minimize_scalar(squares, bounds=(-FAR_RAD, FAR_RAD), method="bounded", options=options)
+    return float(lowest.x)
 
 
 def far(design: Array, sigmas: float) -> float:
@@ -182,38 +188,3 @@ def group_weights(rows: Rows, design: Array, kept: Mask) -> Array:
         known = weight[~unknown]
         weight[unknown] = float(np.median(known)) if len(known) else 1.0
     return np.asarray(weight / float(np.median(weight)))
-
-
-def _solution(
-    model: TurnedModel,
-    design: Array,
-    data: Array,
-    fit: OrthogonalFit,
-    kept: Mask,
-    names: tuple[str, ...],
-    angles: Mapping[str, float],
-    lost: tuple[str, ...],
-    warmth: Array,
-    jump: Jump | None,
-) -> Solution:
-    freedom = int(kept.sum()) - design.shape[1]
-    variance = fit.sum_of_squares / freedom if freedom > 0 else float("nan")
-    moved = fit.inverse_normal @ design[kept].T @ warmth
-    coefficients, factor = fit.coefficients.copy(), np.ones(len(names))
-    for name, angle_rad in angles.items():
-        place = names.index(name)
-        coefficients[place] = angle_rad * ARCSEC_PER_RAD
-        factor[place] = ARCSEC_PER_RAD
-    return Solution(
-        names=names,
-        coefficients=coefficients,
-        covariance=(variance * fit.inverse_normal + moved @ moved.T) * np.outer(factor, factor),
-        kept=kept,
-        residual_V=data - combine(design, fit.coefficients),
-        degrees_of_freedom=freedom,
-        noise_V=float(np.sqrt(variance)),
-        condition=fit.condition,
-        not_separable=(*model.not_separable, *lost),
-        jump=jump,
-        folded=model.folded,
-    )

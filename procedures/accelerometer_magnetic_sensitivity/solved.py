@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from procedures.estimation.alternatives import SEARCHED, Alternative
+from procedures.estimation.alternatives import FEWEST_LEFT, Alternative
 from procedures.estimation.orthogonal import MAD_TO_SIGMA
 
 from .dataset import AccelerometerDataset, Rows
+from .nuisances import DRIFT, ENCODER_JUMP, JUMP
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-JUMP = "encoder jump"
 RARE = 1e-6
-FEWEST_LEFT = 6
 MAX_GROUPS = 500
 FEWEST_OF_A_GROUP = 20
 UNEVEN_SIGMAS = 5.0
@@ -53,10 +52,11 @@ class Uneven:
 class Solution:
     """Coefficients of the kept columns first, then nuisance terms, `names` in that order.
 
-    Offset and jump of the encoder are in arcsec; `jump` says in which rows it is off, `cause` what
-    else moved the output. `kept` (rows,) are the rows that count; `covariance` holds the scale of
-    the noise. `shares` (names, 13) are what the solution takes of each column of the model,
-    `folded` what the coefficients (k,) take of each alignment term that is not fitted.
+    Offset and jump of the encoder are in arcsec; `cause` is what else moved the output, `jump_rad`
+    what is added to the encoder where it is off. `kept` (rows,) are the rows that count;
+    `covariance` holds the scale of the noise. `shares` (names, 13) are what the solution takes of
+    each column of the model, `folded` what the coefficients (k,) take of each alignment term that
+    is not fitted.
     """
 
     names: tuple[str, ...]
@@ -68,12 +68,17 @@ class Solution:
     noise_V: float
     condition: float
     not_separable: tuple[str, ...]
-    jump: Jump | None
-    cause: Alternative | None = None
-    shares: Array | None = None
+    folded: Mapping[str, Array]
+    cause: Alternative | None
+    jump_rad: float
+    shares: Array
     misfit: Misfit | None = None
     uneven: Uneven | None = None
-    folded: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The coefficients and terms by their names."""
+        return dict(zip(self.names, self.coefficients.tolist(), strict=True))
 
     @property
     def sum_of_squares(self) -> float:
@@ -83,14 +88,15 @@ class Solution:
     @property
     def drift_order(self) -> int:
         """The order of the polynomial in time, 0 where there is none."""
-        orders = [name.removeprefix("drift ") for name in self.names if name.startswith("drift ")]
-        return max(map(int, orders), default=0)
+        return sum(name.startswith(DRIFT) for name in self.names)
 
     @property
     def price(self) -> int:
         """For how many columns it counts: each row left out is one that it explains."""
-        place = 0 if self.jump is None else SEARCHED + (JUMP not in self.names)
-        place += 0 if self.cause is None else self.cause.places
+        place = 0
+        if self.cause is not None:
+            folds = self.cause.code == ENCODER_JUMP and JUMP not in self.names
+            place = self.cause.places + folds
         return len(self.names) + place + int(np.sum(~self.kept))
 
     @property
@@ -115,24 +121,6 @@ class Solved:
     slow: Array
     acceleration_g: Array
     model_coefficients: Array
-
-
-@dataclass(frozen=True)
-class Jump:
-    """The rows (rows,) in which the encoder is off, and what is to be added to its angle there."""
-
-    rows: Mask
-    angle_rad: float
-
-    @property
-    def first_row(self) -> int:
-        """The first of its rows."""
-        return int(np.argmax(self.rows))
-
-    @property
-    def lasts(self) -> bool:
-        """Whether the encoder is off in all rows from the first on."""
-        return bool(self.rows[self.first_row :].all())
 
 
 def groups_of(dataset: AccelerometerDataset, usable: Mask) -> Mapping[str, NDArray[np.str_]]:
