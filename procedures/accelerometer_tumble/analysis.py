@@ -1,4 +1,9 @@
-"""The results of a tumble test: coefficients, bias, misalignment, the fixture's error."""
+"""The results of a tumble test: coefficients, bias, misalignment, the fixture's error.
+
+Beside them stand the multipoint formulas: a Fourier series over evenly spaced positions of one
+mounting. K0 = B0 + C2, Ki = S1 + 3 S3, Kii = -2 C2, Kiii = -4 S3, Kio = 2 S2, Ko = C1: the
+fixture's error, the encoder's and drift are taken for the device's.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +12,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.constants import ARCSEC_PER_RAD
 from procedures.estimation.flags import not_identifiable
 from procedures.estimation.folding import Terms
-from station.findings import Analysis, Estimate, Flag, undetermined
+from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
+from .checks import fold_flags, misread_flags, result_flags, screened
 from .dataset import AnalysisSettings, TumbleDataset
-from .flags import ARCSEC, data_flags, fold_flags, result_flags
-from .misread import misread_flags
 from .model import COEFFICIENTS, GRAVITY_POWER, UNITS, Array, judge
-from .published import published_values
-from .screening import screen
 from .solution import ENCODER, MOUNTING, Solution, solve
 
 SETTINGS = AnalysisSettings()
-METHOD = "least-squares"
+METHOD, FORMULAS = "least-squares", "fourier"
 FEWEST_LEFT = 2.0
 RATIOS = (
     ("bias", None, "K0", "g", 1.0),
-    ("misalignment", "o", "Ko", "arcsec", ARCSEC),
-    ("misalignment", "p", "Kp", "arcsec", ARCSEC),
-    ("fixture_error", None, "Kf", "arcsec", ARCSEC),
+    ("misalignment", "o", "Ko", "arcsec", ARCSEC_PER_RAD),
+    ("misalignment", "p", "Kp", "arcsec", ARCSEC_PER_RAD),
+    ("fixture_error", None, "Kf", "arcsec", ARCSEC_PER_RAD),
 )
 """Result, axis, the coefficient that is taken over Ki, unit, what the ratio is multiplied by."""
+FEWEST_POSITIONS, EVEN_DEG = 8, 0.01
+IN_PLANE = {"io": ("Kio", "Ko"), "ip": ("Kip", "Kp")}
+PUBLISHED = ("K0", "Ki", "Kii", "Kiii", "Kio", "Kip", "Ko", "Kp")
 
 
 @dataclass(frozen=True)
@@ -42,46 +48,36 @@ class TumbleAnalysis(Analysis):
 
 def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> TumbleAnalysis:
     """Return the results of a dataset."""
-    screened = screen(dataset)
-    used = screened.dataset
-    flags = data_flags(dataset, screened)
+    used, flags = screened(dataset)
+    # A set-point that the stage did not go to says nothing of what the positions determine.
+    reached = used.only(~used.far)
     terms: Terms = {}
-    if len(used.time_s):
-        theta = used.commanded_rad + used.head_rad
-        terms = judge(used.plane, used.reverse, theta, used.gravity_g)
+    if len(reached.time_s):
+        theta = reached.commanded_rad + reached.head_rad
+        terms = judge(reached.plane, reached.reverse, theta, reached.gravity_g)
     solution = None
-    if len(used.time_s) > len(terms):
+    if len(used.time_s) > len(terms) > 0:
         solved = solve(used, tuple(terms), settings)
         solution = solved if solved.freedom >= FEWEST_LEFT else None
     misread = misread_flags(used, tuple(terms), solution, settings) if solution else []
-    solution = None if misread else solution
-    estimates = _estimates(used, terms, solution)
-    flags += fold_flags(terms)
-    flags += misread
+    why = "There are too few readings beyond the coefficients to show the noise: no results."
     if misread:
-        sentence = "What the columns mean is in doubt: no results."
-        flags.append(not_identifiable(sentence, COEFFICIENTS))
-    elif solution is None:
-        sentence = (
-            "There are too few readings beyond the coefficients to show the noise: no results."
-        )
-        flags.append(not_identifiable(sentence, COEFFICIENTS))
+        solution, why = None, "What the columns mean is in doubt: no results."
+    estimates = _estimates(used, terms, solution)
+    flags += fold_flags(terms) + misread
+    if solution is None:
+        flags.append(not_identifiable(why, COEFFICIENTS))
     else:
-        scale = float(solution.value[list(terms).index("Ki")]) if "Ki" in terms else 0.0
-        flags += result_flags(used, solution, estimates, scale, settings)
-    published = published_values(used) if len(used.time_s) else []
-    flags += _unpublished([entry.name for entry in published if entry.value is None])
+        flags += result_flags(used, solution, estimates, settings)
+    published = _published(reached)
+    if lacking := [entry.name for entry in published if entry.value is None]:
+        formulas_text = (
+            "The multipoint formulas need 8 or more evenly spaced positions of one mounting; they "
+            f"give no {', '.join(lacking)}."
+        )
+        beyond = {"coefficients": lacking}
+        flags.append(Flag("outside-published-range", formulas_text, None, beyond))
     return TumbleAnalysis(estimates, published, flags, used, terms, solution)
-
-
-def _unpublished(names: list[str]) -> list[Flag]:
-    if not names:
-        return []
-    said = (
-        "The multipoint formulas need 8 or more evenly spaced positions of one mounting; they give "
-        f"no {', '.join(names)}."
-    )
-    return [Flag("outside-published-range", said, None, {"coefficients": names})]
 
 
 def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) -> list[Estimate]:
@@ -92,9 +88,9 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         held_at = {"conditions": {"temperature": f"{np.mean(dataset.temperature_degC):.1f} degC"}}
     estimates = []
     for name, unit in UNITS.items():
-        own: dict[str, object] = {"terms": terms[name]} if name in terms else {}
+        extra: dict[str, object] = {"terms": terms[name]} if name in terms else {}
         if solution is None or name not in terms:
-            estimates.append(undetermined(name, None, unit, METHOD, own))
+            estimates.append(undetermined(name, None, unit, METHOD, extra))
             continue
         gradient = np.eye(len(names))[names.index(name)]
         value = float(gradient @ solution.value)
@@ -102,25 +98,24 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         depends = {"multimeter_gain": value, "local_gravity": -power * value / dataset.gravity_g}
         if name == "K0":
             depends["multimeter_zero"] = 1.0
-        term = {"K0": "K0_T", "Ki": "Ki_T"}.get(name)
-        if term in solution.by_temperature:
-            depends["thermometer_degC"] = solution.by_temperature[term]
-        extra = {**own, **held_at} if name in ("K0", "Ki") else own
+        if name in ("K0", "Ki"):
+            extra |= held_at
+        if (warmth := solution.slow.get(f"{name}_T")) is not None:
+            depends["thermometer_degC"] = warmth
         estimates.append(_estimate((name, None, unit), value, gradient, solution, depends, extra))
     for name, axis, over, unit, factor in RATIOS:
         alone = over == "K0" or len(terms.get(over, {})) == 1
         if solution is None or over not in terms or "Ki" not in terms or not alone:
             estimates.append(undetermined(name, axis, unit, METHOD))
             continue
-        scale = float(solution.value[names.index("Ki")])
-        value = factor * float(solution.value[names.index(over)]) / scale
+        per_unit = factor / solution.of("Ki")
+        value = solution.of(over) * per_unit
         gradient = np.zeros(len(names))
-        gradient[names.index(over)] = factor / scale
-        gradient[names.index("Ki")] = -value / scale
+        gradient[names.index(over)] = per_unit
+        gradient[names.index("Ki")] = -value / solution.of("Ki")
         depends = {}
         if name == "bias":
-            zero = factor / scale
-            depends = {"multimeter_zero": zero, "local_gravity": value / dataset.gravity_g}
+            depends = {"multimeter_zero": per_unit, "local_gravity": value / dataset.gravity_g}
         estimates.append(_estimate((name, axis, unit), value, gradient, solution, depends, {}))
     return estimates
 
@@ -134,15 +129,61 @@ def _estimate(
     extra: Mapping[str, object],
 ) -> Estimate:
     """Return an estimate; encoder and mountings, each one input, are not in its type A u."""
-    name, axis, unit = what
     u = float(np.sqrt(gradient @ solution.noise @ gradient))
     by_prior = (gradient @ solution.by_prior) ** 2
     encoder = solution.priors.encoder
-    own = {
+    beside = {
         kind: float(np.sqrt(np.sum(by_prior[rows])))
         for kind, rows in ((ENCODER, encoder), (MOUNTING, ~encoder))
     }
-    sensitivities = {**depends, **own}
     return Estimate(
-        name, axis, value, unit, u, solution.freedom, METHOD, sensitivities, dict(extra)
+        *what[:2],
+        value,
+        what[2],
+        u,
+        solution.freedom,
+        METHOD,
+        {**depends, **beside},
+        extra,
     )
+
+
+def _published(dataset: TumbleDataset) -> list[Published]:
+    """Return what the formulas give on each plane's first mounting, None where they cannot run."""
+    values: dict[str, float] = {}
+    for plane, (product, cross) in IN_PLANE.items():
+        if (series := _series(dataset, plane)) is None:
+            continue
+        mean, sine, cosine = series
+        own = {
+            "K0": mean + cosine[1],
+            "Ki": sine[0] + 3.0 * sine[2],
+            "Kii": -2.0 * cosine[1],
+            "Kiii": -4.0 * sine[2],
+            product: 2.0 * sine[1],
+            cross: cosine[0],
+        }
+        of_gravity = {
+            name: value / dataset.gravity_g ** GRAVITY_POWER[UNITS[name]]
+            for name, value in own.items()
+        }
+        values = of_gravity | values
+    return [Published(name, None, values.get(name), UNITS[name], FORMULAS) for name in PUBLISHED]
+
+
+def _series(dataset: TumbleDataset, plane: str) -> tuple[float, list[float], list[float]] | None:
+    """Return the mean and the first sines and cosines of a plane's first mounting, V."""
+    first = np.flatnonzero((dataset.plane == plane) & (dataset.reverse > 0.0))
+    if not len(first):
+        return None
+    rows = dataset.mounting == dataset.mounting[first[0]]
+    angle = np.mod(np.rad2deg((dataset.commanded_rad + dataset.head_rad)[rows]), 360.0)
+    place, index = np.unique(np.round(angle, 6) % 360.0, return_inverse=True)
+    uneven = np.ptp(np.diff(np.append(place, place[0] + 360.0))) > EVEN_DEG
+    if len(place) < FEWEST_POSITIONS or uneven:
+        return None
+    mean = np.bincount(index, dataset.output_V[rows]) / np.bincount(index)
+    theta = np.deg2rad(place)
+    sine = [2.0 * float(np.mean(mean * np.sin(n * theta))) for n in (1, 2, 3)]
+    cosine = [2.0 * float(np.mean(mean * np.cos(n * theta))) for n in (1, 2)]
+    return float(np.mean(mean)), sine, cosine

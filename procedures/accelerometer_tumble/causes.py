@@ -56,7 +56,7 @@ PERIODIC = (
 
 def alternatives_of(dataset: TumbleDataset, scale: float) -> list[Alternative]:
     """Return what may have moved the output, for a scale factor in V/g; columns (n, m)."""
-    theta = dataset.encoder_rad + dataset.head_rad
+    theta = dataset.theta_rad
     i, c = dataset.gravity_g * np.sin(theta), dataset.gravity_g * np.cos(theta)
     time = dataset.time_s - dataset.time_s.mean()
     time = time / (float(np.max(np.abs(time))) or 1.0)
@@ -107,7 +107,7 @@ def scores_of(
     `design` (n + m, k) and `data` (n + m,) have the readings, of which those `inside` (n + m,)
     count, and then what is known beforehand, over the same noise.
     """
-    theta = dataset.encoder_rad + dataset.head_rad
+    theta = dataset.theta_rad
     slope = scale * dataset.gravity_g * np.cos(theta)
     anywhere = np.ones(len(theta), dtype=bool)
     # A mounting that is off by an angle is held against its own prior.

@@ -1,17 +1,37 @@
-"""What the analysis of a tumble test needs, whoever recorded it."""
+"""What the analysis of a tumble test needs, and how it is read from an imported folder."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from procedures.common.constants import ARCSEC_PER_RAD
+from station.dataset_reading import Table, refuse
+from station.fields import StrictModel, Unit
+from station.files.faults import Fault
 from station.findings import FlagThresholds
 
-from .model import Array, Names, model_columns
+from .model import PLANES, Array, Names, model_columns
+
+if TYPE_CHECKING:
+    from station.dataset_reading import RawDataset
 
 Mask = NDArray[np.bool_]
+
+COLUMNS = ("t_s", "plane", "reversed", "head_deg", "commanded_deg", "theta_deg", "output_V")
+TEMPERATURE = "temperature_degC"
+STOPPED_FAR_DEG = 1.0
+"""How far a stage stops from its commanded angle at most."""
+SELDOM = 0.1
+"""Part of the readings whose encoder may be wild before its column is in doubt."""
+FULL_TURN_RAD = 6.3
+LARGEST_V = 100.0
+"""No accelerometer gives so much: such a number is in mV."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +58,14 @@ class TumbleDataset:
     mounting_rad: float
 
     @property
+    def theta_rad(self) -> Array:
+        """The angles that the encoder shows (n,)."""
+        return self.encoder_rad + self.head_rad
+
+    @property
     def columns(self) -> Array:
-        """The model's columns at the angles that the encoder shows (n, 12)."""
-        theta = self.encoder_rad + self.head_rad
-        return model_columns(self.plane, self.reverse, theta, self.gravity_g)
+        """The model's columns at these angles (n, 12)."""
+        return model_columns(self.plane, self.reverse, self.theta_rad, self.gravity_g)
 
     @property
     def mounting(self) -> NDArray[np.int64]:
@@ -53,12 +77,17 @@ class TumbleDataset:
         )
         return np.cumsum(np.append(False, new))
 
+    @property
+    def far(self) -> Mask:
+        """Whether the encoder is not where the stage was sent (n,)."""
+        off = _wrapped(np.rad2deg(self.encoder_rad - self.commanded_rad))
+        return np.asarray(np.abs(off) > STOPPED_FAR_DEG)
+
     def only(self, rows: Mask) -> TumbleDataset:
         """Return some of the readings."""
-        names = ("time_s", "plane", "reverse", "head_rad", "commanded_rad", "encoder_rad")
-        taken = {name: getattr(self, name)[rows] for name in (*names, "output_V")}
-        warm = None if self.temperature_degC is None else self.temperature_degC[rows]
-        return replace(self, **taken, temperature_degC=warm)
+        arrays = {name: own for name, own in vars(self).items() if isinstance(own, np.ndarray)}
+        taken: dict[str, Any] = {name: own[rows] for name, own in arrays.items()}
+        return replace(self, **taken)
 
 
 @dataclass(frozen=True)
@@ -67,3 +96,67 @@ class AnalysisSettings(FlagThresholds):
 
     nuisance: float = 4.5
     max_drift_order: int = 3
+
+
+class Conditions(StrictModel):
+    """The conditions of a tumble test."""
+
+    # On the ground it is 0.9957 g to 1.0028 g.
+    local_gravity_g: Annotated[float, Unit("g"), Field(ge=0.99, le=1.01)]
+    encoder_accuracy_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0, le=3600)]
+    mounting_repeatability_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0, le=3600)]
+    local_gravity_uncertainty_g: Annotated[float, Unit("g"), Field(ge=0, le=0.01)] = 0.0
+    thermometer_uncertainty_degC: Annotated[float, Unit("degC", True), Field(ge=0)] = 0.0
+    multimeter_gain_ppm: Annotated[float, Unit("ppm"), Field(ge=0)] = 0.0
+    multimeter_zero_V: Annotated[float, Unit("V"), Field(ge=0)] = 0.0
+
+
+def dataset_of_import(raw: RawDataset) -> tuple[TumbleDataset, Conditions]:
+    """Return the readings of an imported folder; FaultList names file, row and reason."""
+    conditions = raw.conditions(Conditions)
+    raw.require_files(("positions",))
+    table = raw.read_table("positions", COLUMNS, (TEMPERATURE,), text=("plane",), rising="t_s")
+    refuse(table.unknown_words("plane", PLANES))
+    refuse(list(_faults(table)))
+    dataset = TumbleDataset(
+        time_s=table["t_s"],
+        plane=table["plane"],
+        reverse=1.0 - 2.0 * table["reversed"],
+        head_rad=np.deg2rad(table["head_deg"]),
+        commanded_rad=np.deg2rad(table["commanded_deg"]),
+        encoder_rad=np.deg2rad(table["theta_deg"]),
+        output_V=table["output_V"],
+        temperature_degC=table.get(TEMPERATURE),
+        gravity_g=conditions.local_gravity_g,
+        encoder_accuracy_rad=conditions.encoder_accuracy_arcsec / ARCSEC_PER_RAD,
+        mounting_rad=conditions.mounting_repeatability_arcsec / ARCSEC_PER_RAD,
+    )
+    return dataset, conditions
+
+
+def _faults(table: Table) -> Iterator[Fault]:
+    """Yield the faults of columns that are not what they are called; not of wild rows."""
+    for row in np.flatnonzero(~np.isin(table["reversed"], (0.0, 1.0))).tolist():
+        what = f"is {table['reversed'][row]:g}; it is 1 where the unit is turned about IA, else 0"
+        yield table.fault(row, "reversed", what)
+    commanded, encoder = table["commanded_deg"], table["theta_deg"]
+    if 0.0 < float(np.max(np.abs(commanded))) <= FULL_TURN_RAD and len(np.unique(commanded)) > 2:
+        what = "all positions lie within 6.3 deg of 0; angles are in deg"
+        yield table.fault(0, "commanded_deg", what)
+        return
+    far = np.flatnonzero(np.abs(_wrapped(encoder - commanded)) > STOPPED_FAR_DEG)
+    if len(far) > max(SELDOM * len(commanded), 1.0):
+        row = int(far[0])
+        what = (
+            f"reads {encoder[row]:g} deg where {commanded[row]:g} deg were commanded, and "
+            f"{len(far) - 1} more rows are off; both are in deg and of one sense"
+        )
+        yield table.fault(row, "theta_deg", what)
+    size = np.abs(table["output_V"])
+    if float(np.median(size)) > LARGEST_V:
+        what = f"half of the readings are beyond {LARGEST_V:g} V; the column is in V"
+        yield table.fault(int(np.argmax(size > LARGEST_V)), "output_V", what)
+
+
+def _wrapped(angle_deg: Array) -> Array:
+    return np.mod(angle_deg + 180.0, 360.0) - 180.0

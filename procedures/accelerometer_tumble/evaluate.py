@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .from_import import Conditions, dataset_of_import
+from .dataset import Conditions, dataset_of_import
 from .solution import ENCODER, MOUNTING
 
 if TYPE_CHECKING:
