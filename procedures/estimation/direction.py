@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
-from station.findings import Estimate, Findings, InputQuantity
+from station.findings import Estimate, Findings, Flag, InputQuantity, contradiction
+
+from .readings import DEG_PER_H, Reading, Remainder, named, suiting
+
+MIN_EARTH_DEG_PER_H = 1.0
+"""An axis that is to feel less shows none of it, nor does one whose bias is as large."""
+ZERO, REVERSED = 0.005, 0.04
+"""Parts of the earth's rate within which a mean is none of it, or its opposite."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,48 @@ class Direction:
         return float(
             EARTH_RATE_DEG_PER_H * (lost + np.cos(latitude_rad) * np.sin(self.elevation_rad))
         )
+
+
+def earth_flags(
+    axis: str,
+    direction: Direction,
+    latitude_rad: float,
+    mean_deg_per_h: float,
+    zero: float = ZERO,
+    reverse: float = REVERSED,
+) -> list[Flag]:
+    """Return the flag of an output at rest that reads nothing of the earth, or its opposite.
+
+    `zero` and `reverse` are parts of the earth's rate within which the mean is one of these; NaN is
+    no mean.
+    """
+    earth = direction.earth_deg_per_h(latitude_rad)
+    if abs(earth) <= MIN_EARTH_DEG_PER_H or not np.isfinite(mean_deg_per_h):
+        return []
+    ratio = mean_deg_per_h / earth
+    should = (
+        f"{axis} reads {mean_deg_per_h:.4g} deg/h where it should feel {earth:.4g} deg/h of the "
+        "earth"
+    )
+    if abs(ratio) < zero:
+        units = [
+            Reading[float](f"the output is in {unit}", factor.__mul__, "unit")
+            for unit, factor in DEG_PER_H.items()
+        ]
+        suits = suiting(mean_deg_per_h, [units], lambda rate: Remainder((rate - earth) ** 2, 1.0))
+        likely = f": it fits if {named(suits)}" if suits else ""
+        sentence = (
+            f"{should}{likely}. Look at the unit of the output, whether the earth's rate was taken "
+            "off before, and whether the gyro works; every result goes with the unit."
+        )
+    elif abs(ratio + 1.0) < reverse:
+        sentence = (
+            f"{should}: its sign is the other one. Look whether the input axis points as stated, "
+            "and at the sign of the output; the bias goes with it."
+        )
+    else:
+        return []
+    return [contradiction("input_axis", sentence, axis, ratio=ratio)]
 
 
 def attitude_inputs(

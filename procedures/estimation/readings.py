@@ -81,10 +81,12 @@ def suiting(
     remainder: Callable[[Data], Remainder | None],
     *,
     stated: Remainder | None = None,
+    better: float = BETTER,
 ) -> list[Suit[Data]]:
     """Return the readings that suit data which disagree as stated, the best one first.
 
-    The readings of a kind share the chance `BY_CHANCE`. `remainder` gives None for data without a
+    The readings of a kind share the chance `BY_CHANCE`. `better` is the part of the rms that one
+    may leave where the noise is unknown. `remainder` gives None for data without a
     solution. Empty where none suits, and where more than `MAX_NAMED` do.
     """
     stated = stated or remainder(data)
@@ -96,7 +98,7 @@ def suiting(
         tried = [(reading, other) for reading, other in readings if other is not None]
         for reading, other in tried:
             rest = remainder(other)
-            if rest is None or rest.squares > (rest.noise or BETTER**2 * stated.squares):
+            if rest is None or rest.squares > (rest.noise or better**2 * stated.squares):
                 continue
             part = max(rest.squares, rest.noise) / stated.squares
             chance = len(tried) * part ** (0.5 * rest.freedom)

@@ -8,6 +8,7 @@ import numpy as np
 
 from procedures.estimation.channel import Screened
 from procedures.estimation.channel import flags as channel_flags
+from procedures.estimation.direction import earth_flags
 from procedures.estimation.flags import Gaps, gaps_of, not_identifiable, too_stiff
 from procedures.estimation.recorder import largest_jump
 from station.findings import Estimate, Flag, contradiction
@@ -16,7 +17,8 @@ from .dataset import AnalysisSettings, TemperatureDataset
 from .fit import BiasFit, Setting
 from .units import UNITS
 
-MIN_EARTH_DEG_PER_H, NEAR = 1.0, 0.1
+NEAR = 0.1
+"""Part of the earth's rate within which the mean output is none of it, or its opposite."""
 WHY = {
     "bias": "the reference temperature is outside the range of the record",
     "bias_temperature_sensitivity": "no soak ends 5 degC or more from the reference temperature, "
@@ -93,7 +95,9 @@ def result_flags(
             sentence = f"The {words} of {axis} cannot be distinguished from none ({in_u:.2g} u)."
             flags.append(Flag("not-significant", sentence, axis, {"name": name, "in_u": in_u}))
     flags += _prior(dataset, axis, fit)
-    flags += _earth(dataset, axis, fit)
+    direction, latitude_rad = dataset.directions[axis], dataset.latitude_rad
+    mean = direction.earth_deg_per_h(latitude_rad) + float(fit.curve()[0])
+    flags += earth_flags(axis, direction, latitude_rad, mean, NEAR, NEAR)
     flags += _step(axis, fit)
     lag_one = _lag_one(fit)
     if lag_one > settings.model_too_stiff:
@@ -113,22 +117,6 @@ def _prior(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
         "line, on which lag and sensitivity to the rate of temperature are one."
     )
     return [Flag("lag-by-prior", sentence, axis, {"prior_s": prior, "u_s": u})]
-
-
-def _earth(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
-    """Return the flag of an output that does not hold the earth's rate, or has it reversed."""
-    earth = dataset.directions[axis].earth_deg_per_h(dataset.latitude_rad)
-    if abs(earth) < MIN_EARTH_DEG_PER_H:
-        return []
-    share = -float(fit.curve()[0]) / earth
-    if min(abs(share - 1.0), abs(share - 2.0)) > NEAR:
-        return []
-    sentence = (
-        f"The mean output is {earth - share * earth:.4g} deg/h where {axis} should feel "
-        f"{earth:.4g} deg/h of the earth: look whether it points as stated, and at the unit of its "
-        "output."
-    )
-    return [contradiction("input_axis", sentence, axis, ratio=1.0 - share)]
 
 
 def _step(axis: str, fit: BiasFit) -> list[Flag]:

@@ -25,7 +25,7 @@ from station.report.numbers import format_number
 from station.results import ResultDocument
 
 from .analysis import StaticAnalysis
-from .axis import AxisAnalysis
+from .checks import AxisAnalysis
 from .dataset import StaticDataset
 
 MAX_DOTS = 2000

@@ -1,18 +1,28 @@
-"""Bias, its stability and its repeatability: what the means of records say."""
+"""Bias, its stability and its repeatability: what the means of records say.
+
+Each switch-on begins cold, so that the tail A exp(-t/T) of the warm-up is the same in all of them
+and does not show in their spread. The first, long record ends without it; short ones hold it whole.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from procedures.estimation.measured import Measured, root
 from procedures.estimation.rate_spectrum import allan_terms, coefficients, noise_variances
 
-from .dataset import Array
-from .noise_fit import WALK_ALLOWED, NoiseFit
+from .dataset import Array, Record
+from .gaps import bridged, pieces
+from .noise import FEWEST, WALK_ALLOWED, NoiseFit
 
 STABILITY_S = 10.0
+TIME_CONSTANTS_S = (300.0, 600.0, 1200.0, 2400.0, 4800.0)
+BY_CHANCE = 0.05
+"""So seldom noise shows a tail that is taken for one."""
 
 
 def bias_of(
@@ -37,15 +47,60 @@ def bias_of(
     return Measured(float(means[0]), float(np.sqrt(square)))
 
 
-def walked_by_the_mean(middles_s: Array, theta: Array, walk_u: float) -> float:
-    """Return how far the bias walks, in deg/h, from the first middle (s,) to the mean of all.
+def moving_all(
+    records: Sequence[Record], grids: Sequence[Array], noise: NoiseFit
+) -> tuple[float, float]:
+    """Return how far the warm-up's tail, and how far the walk, moves the mean of all switch-ons.
 
-    The walk of a record is extrapolated to the hours between them: its square may be larger by
-    part of its own u `walk_u`.
+    In deg/h. The walk of a record is extrapolated to the hours between them: its square may be
+    larger by part of its own u. It is not known where nobody knows when they were switched on.
     """
+    used = [pair for pair in zip(records, grids, strict=True) if np.isfinite(pair[1]).any()]
+    earliest_s = min(float(record.time_s[0]) for record, _ in used)
+    longest = [(record, max(pieces(rate), key=len)) for record, rate in used]
+    begun_s = [float(record.time_s[0]) - earliest_s for record, _ in longest]
+    tail = tail_in_mean([piece for _, piece in longest], begun_s, noise)
+    middles_s = np.array([np.nan if r.on_s is None else r.on_s + r.time_s.mean() for r, _ in used])
+    if len(used) < 2 or not bool(np.isfinite(middles_s).all()):
+        return tail, 0.0
     since_s = middles_s - middles_s.min()
     shared = float(np.mean(np.minimum.outer(since_s, since_s)))
-    return float(np.sqrt((theta[3] + WALK_ALLOWED * walk_u) * shared))
+    return tail, float(np.sqrt((noise.theta[3] + WALK_ALLOWED * noise.u[3]) * shared))
+
+
+def tail_in_mean(records: Sequence[Array], begun_s: Sequence[float], noise: NoiseFit) -> float:
+    """Return by how much in deg/h a tail moves the mean of the records' means; 0 for none seen.
+
+    The records (n,) begin at `begun_s` after the warm-up. Of several time constants the likeliest
+    counts. A long record may have a ramp and lines of its own; a short one would be left nothing.
+    """
+    interval_s = noise.known.interval_s
+    shortest = min(len(piece) for piece in noise.pieces)
+    made_white = []
+    for record, since_s in zip(records, begun_s, strict=True):
+        count = len(record)
+        if count < FEWEST:
+            continue
+        rate = bridged(record, interval_s, noise.theta, 0.0)
+        sigma = np.sqrt(noise.theta @ noise_variances(count, interval_s))
+        columns = noise.columns(count) if count >= shortest else np.empty((count, 0))
+        beside = np.linalg.qr(coefficients(columns) / sigma[:, None])[0]
+        time_s = since_s + (np.arange(count) + 0.5) * interval_s
+        made_white.append((time_s, sigma, coefficients(rate) / sigma, beside))
+    best_gain, moved = float(chdtri(1, BY_CHANCE / len(TIME_CONSTANTS_S))), 0.0
+    for constant_s in TIME_CONSTANTS_S:
+        normal, right, means = 0.0, 0.0, []
+        for time_s, sigma, data, beside in made_white:
+            tail = np.exp(-time_s / constant_s)
+            means.append(float(tail.mean()))
+            own = coefficients(tail) / sigma
+            own = own - beside @ (beside.T @ own)
+            normal += float(own @ own)
+            right += float(own @ data)
+        gain = right**2 / normal if normal > 0.0 else 0.0
+        if gain > best_gain:
+            best_gain, moved = gain, right / normal * float(np.mean(means))
+    return abs(moved)
 
 
 def repeatability_of(means: Array, lengths_s: Array, theta: Array | None) -> Measured | None:
@@ -69,7 +124,7 @@ def ten_second_means(rate: Array, interval_s: float) -> Array | None:
     return np.asarray(rate[:whole].reshape(-1, group, *rate.shape[1:]).mean(axis=1))
 
 
-def stability_of(noise: NoiseFit, interval_s: float) -> Measured | None:
+def stability_of(noise: NoiseFit) -> Measured | None:
     """Return the standard deviation of the 10 s means of the records that give the noise.
 
     Its square adds the squares of noise and of ramp and lines, and twice their product: with noise
@@ -80,10 +135,11 @@ def stability_of(noise: NoiseFit, interval_s: float) -> Measured | None:
     total, variance, freedom = 0.0, 0.0, 0
     theta = noise.theta.copy()
     theta[3] += WALK_ALLOWED * noise.u[3]
+    interval_s = noise.known.interval_s
     step_s = round(STABILITY_S / interval_s) * interval_s
     for piece, solved in zip(noise.pieces, noise.solved, strict=True):
         means = ten_second_means(piece, interval_s)
-        columns = ten_second_means(noise.columns(len(piece), interval_s), interval_s)
+        columns = ten_second_means(noise.columns(len(piece)), interval_s)
         if means is None or columns is None:
             continue
         spread = theta @ noise_variances(len(means), step_s)
@@ -109,18 +165,17 @@ class Minimum:
     at_end: bool
 
 
-def allan_minimum(
-    theta: Array, covariance: Array, interval_s: float, longest_s: float
-) -> Minimum | None:
+def allan_minimum(noise: NoiseFit) -> Minimum | None:
     """Return the minimum of the fitted noise up to a ninth of the longest record."""
-    last_s = longest_s / 9.0
+    interval_s = noise.known.interval_s
+    last_s = max(len(piece) for piece in noise.pieces) * interval_s / 9.0
     if last_s <= interval_s:
         return None
     tau_s = np.geomspace(interval_s, last_s, 400)
     terms = allan_terms(tau_s)
-    variance = theta @ terms
+    variance = noise.theta @ terms
     place = int(np.argmin(variance))
     slope = terms[:, place]
-    u = float(np.sqrt(slope @ covariance @ slope))
+    u = float(np.sqrt(slope @ noise.covariance @ slope))
     at_end = place == len(tau_s) - 1
     return Minimum(root(float(variance[place]), u), float(tau_s[place]), at_end)

@@ -13,7 +13,7 @@ from procedures.estimation.rate_spectrum import coefficients, covariances, noise
 from procedures.estimation.reml import Stretch, components_at
 from procedures.gyro_static_noise.analysis import analyse
 from procedures.gyro_static_noise.dataset import PER_SQRT_H, Record, StaticDataset
-from procedures.gyro_static_noise.rounding import rounding_variances
+from procedures.gyro_static_noise.noise import rounding_variances
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from scipy.linalg import toeplitz
 
 from procedures.estimation.rate_spectrum import covariances
 
-from .dataset import Array, Index
+from .dataset import Array
 
 AROUND = 40
 """Samples on either side that a gap is predicted from."""
@@ -22,23 +22,10 @@ LONG_GAP, MAX_GAP = 0.02, 300
 
 def pieces(rate: Array) -> list[Array]:
     """Return the parts of a record on its grid between gaps too long to be bridged, none empty."""
-    good = np.flatnonzero(np.isfinite(rate))
-    if not len(good):
-        return []
     longest = min(MAX_GAP, max(1.0, LONG_GAP * len(rate)))
-    cuts = np.flatnonzero(np.diff(good) - 1 > longest)
-    firsts, lasts = good[np.r_[0, cuts + 1]], good[np.r_[cuts, len(good) - 1]]
-    return [rate[a : b + 1] for a, b in zip(firsts, lasts, strict=True)]
-
-
-def gaps(rate: Array) -> list[tuple[int, int]]:
-    """Return first and last place of each gap within a record on its grid."""
-    missing: Index = np.flatnonzero(~np.isfinite(rate))
-    if not len(missing):
-        return []
-    cuts = np.flatnonzero(np.diff(missing) > 1)
-    firsts, lasts = missing[np.r_[0, cuts + 1]], missing[np.r_[cuts, len(missing) - 1]]
-    return [(int(a), int(b)) for a, b in zip(firsts, lasts, strict=True)]
+    good = np.flatnonzero(np.isfinite(rate))
+    parts = np.split(good, np.flatnonzero(np.diff(good) - 1 > longest) + 1)
+    return [rate[part[0] : part[-1] + 1] for part in parts if len(part)]
 
 
 def bridged(rate: Array, interval_s: float, theta: Array, pulse_arcsec: float) -> Array:
@@ -49,8 +36,9 @@ def bridged(rate: Array, interval_s: float, theta: Array, pulse_arcsec: float) -
     filled = rate.copy()
     random = np.random.default_rng(0)
     squares = theta + np.array([pulse_arcsec**2 / 12.0, 0.0, 0.0, 0.0])
-    for first, last in gaps(rate):
-        low, high = max(first - AROUND, 0), min(last + AROUND + 1, len(rate))
+    missing = np.flatnonzero(~np.isfinite(rate))
+    for gap in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1) if len(missing) else ():
+        low, high = max(gap[0] - AROUND, 0), min(gap[-1] + AROUND + 1, len(rate))
         places = np.arange(low, high)
         known = np.isfinite(filled[places])
         covariance = toeplitz(squares @ covariances(len(places), interval_s))
