@@ -212,7 +212,7 @@ def smallest_step(values: Array) -> float:
     """Return the resolution of an output: the smallest difference of two of its values."""
     levels = np.unique(values)
     steps = np.diff(levels)
-    steps = steps[steps > 1e-12 * max(1.0, float(np.abs(levels).max()))]
+    steps = steps[steps > 1e-12 * max(1.0, float(np.max(np.abs(levels), initial=0.0)))]
     return float(steps.min()) if len(steps) else 0.0
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .all_axes.calibrated import other_sensors
+from .all_axes.results import other_sensors
 from .dataset import AXES, Array
 from .findings import (
     ARCSEC_PER_RAD,

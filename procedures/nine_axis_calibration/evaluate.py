@@ -18,9 +18,8 @@ from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
 from station.findings import Findings, InputQuantity, findings_of
 
-from .all_axes.budget import prior_rows, with_rows
 from .all_axes.reading import other_axes, pose
-from .all_axes.results import OtherResults, results_of
+from .all_axes.results import OtherResults, prior_rows, results_of, with_rows
 from .all_axes.stands import OtherAxes, Turned
 from .analysis import analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord

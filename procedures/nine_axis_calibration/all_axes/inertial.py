@@ -9,32 +9,45 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from procedures.estimation.shares import Shares
 from procedures.nine_axis_calibration.attitude import rotation
-from procedures.nine_axis_calibration.dataset import TurnRecord
-from procedures.nine_axis_calibration.means import rounding_u
+from procedures.nine_axis_calibration.pose import earth_rate
 
 from .channels import Steps
-from .response import Response, response_of, with_nonlinearity
-from .sources import EDGE, MOUNTING, NOISE, SECOND_ORDER, TILT
-from .stands import Array, Mounted, OtherAxes, plane_across
-from .waves import at_rest, steps_at, waves_of, without_rate
+from .stands import FORCE, Array, Mounted, OtherAxes, plane_across
+from .waves import (
+    SURE,
+    Response,
+    Wave,
+    at_rest,
+    response_of,
+    swept,
+    with_nonlinearity,
+    without_rate,
+)
 
 WELL_KNOWN_RAD = float(np.radians(0.1))
 """Six arcmin: a direction that is known better counts as known."""
-SURE = 1e-3
 CROSS = ((0, 1), (0, 2), (1, 2))
 PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 B, K, N, K2, TURN, M = (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15), 15)
 SENSOR = 21
+LEANS = SENSOR + 3
 FEWEST = 4
 UPRIGHT = 0.99
+UNKNOWNS_OF_FORCE = 4
+"""A gyro's bias, and its sensitivity to the force along each axis."""
+SECONDS_PER_HOUR = 3600.0
+NOISE = "noise"
+TILT, MOUNTING, EDGE = "prior_tilt", "prior_mounting", "prior_edge"
+SECOND_ORDER = "prior_accelerometer_second_order"
+"""Rows of the budget: where what the fit rests on comes from."""
 
 
 @dataclass(frozen=True)
@@ -53,51 +66,108 @@ class Orientation:
 
 
 @dataclass(frozen=True)
-class Inertial:
-    """The solution: state (21 + 2 s,), covariance, directions `up` (s, 3) of orientations in S and
-    their derivatives `up_by_state` (3 s, 21 + 2 s).
-
-    `determined` says whether bias, scale factor and non-orthogonality are, `second_order` whether
-    that is, `gyros` whether all gyros were turned with the accelerometers. `wider` is by how much
-    uncertainties grew since the orientations disagree.
+class Stands:
+    """All orientations, and what is known beside them; `second_u` is the prior of the second order
+    in g/g^2, None where it is determined, `gyros` whether all were turned with the accelerometers.
     """
 
     orientations: tuple[Orientation, ...]
+    gravity_g: float
+    second_u: float | None
+    gyros: bool
+
+    @cached_property
+    def across(self) -> Array:
+        """Two unit vectors across each nominal direction, (s, 2, 3)."""
+        return np.array([plane_across(orientation.up) for orientation in self.orientations])
+
+    def directions(self, state: Array) -> Array:
+        """Return what points up in S (s, 3) at each stand."""
+        nominal = np.array([orientation.up for orientation in self.orientations])
+        base = nominal + np.einsum("sk,ski->si", state[LEANS:].reshape(-1, 2), self.across)
+        base /= np.linalg.norm(base, axis=1)[:, None]
+        return np.asarray(base @ rotation(state[TURN]).T)
+
+    def residuals(self, state: Array) -> Array:
+        """Return all residuals in units of their standard uncertainties, as `sources` has them."""
+        up = self.directions(state)
+        force = self.gravity_g * up
+        read = state[B] + state[K] * (force @ shape_of(state).T) + state[K2] * force**2
+        measured = np.array([orientation.force_g for orientation in self.orientations])
+        u = np.array([orientation.force_u for orientation in self.orientations])
+        felt = np.isfinite(u)
+        lean_u = np.repeat([orientation.u_rad for orientation in self.orientations], 2)
+        parts = [(measured - read)[felt] / u[felt], state[LEANS:] / lean_u]
+        if self.second_u:
+            parts.append(state[K2] / self.second_u)
+        if self.gyros:
+            gains = state[SENSOR:LEANS] * (up @ towards_of(state).T)
+            for orientation, gain in zip(self.orientations, gains, strict=True):
+                if orientation.response is not None:
+                    left = (orientation.response.gain - gain) / orientation.response.gain_u
+                    parts.append(left[np.isfinite(left)])
+        return np.concatenate(parts)
+
+    def sources(self, count: int) -> list[str]:
+        """Return what each of `count` residuals is of."""
+        felt = sum(int(np.isfinite(orientation.force_u).sum()) for orientation in self.orientations)
+        leans = [orientation.source for orientation in self.orientations for _ in range(2)]
+        sources = [NOISE] * felt + leans + [SECOND_ORDER] * (3 if self.second_u else 0)
+        return sources + [NOISE] * (count - len(sources))
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """The solution: state (24 + 2 s,) with its covariance.
+
+    `second_order` says whether that is determined, `wider` by how much uncertainties grew since the
+    orientations disagree.
+    """
+
+    stands: Stands
     state: Array
     covariance: Array
-    up: Array
-    up_by_state: Array
-    determined: bool
     second_order: bool
-    gyros: bool
     wider: float
     shares: Shares
 
     @property
-    def turned(self) -> tuple[bool, bool, bool]:
+    def orientations(self) -> tuple[Orientation, ...]:
+        """The directions that were felt."""
+        return self.stands.orientations
+
+    @property
+    def gyros(self) -> bool:
+        """Whether all gyros were turned with the accelerometers."""
+        return self.stands.gyros
+
+    @property
+    def turned(self) -> tuple[bool, ...]:
         """Whether each gyro answered the turns about all three axes."""
-        about: dict[int, list[Array]] = {0: [], 1: [], 2: []}
+        about = np.zeros((3, 3), dtype=bool)
         for orientation in self.orientations:
             if orientation.response is not None:
                 axis = int(np.argmax(np.abs(orientation.up)))
-                about[axis].append(np.isfinite(orientation.response.gain_u))
-        seen = [np.any(own, axis=0) if own else np.zeros(3, dtype=bool) for own in about.values()]
-        x, y, z = np.all(seen, axis=0).tolist()
-        return x, y, z
+                about[axis] |= np.isfinite(orientation.response.gain_u)
+        return tuple(bool(about[:, gyro].all()) for gyro in range(3))
 
-    @property
+    @cached_property
+    def up(self) -> Array:
+        """What points up in S, (s, 3)."""
+        return self.stands.directions(self.state)
+
+    @cached_property
     def up_covariance(self) -> Array:
         """The covariance (3 s, 3 s) of what points up."""
-        return np.asarray(self.up_by_state @ self.covariance @ self.up_by_state.T)
+        by_state = _jacobian(lambda state: self.stands.directions(state).ravel(), self.state)
+        return np.asarray(by_state @ self.covariance @ by_state.T)
 
     def force_in_base(self, read_g: Array) -> Array:
         """Return specific forces (n, 3) along the base's axes, in g, from what was read."""
-        shape = np.eye(3)
-        for term, (i, j) in zip(self.state[N], CROSS, strict=True):
-            shape[i, j] = shape[j, i] = term
         force = (read_g - self.state[B]) / self.state[K]
         force = (read_g - self.state[B] - self.state[K2] * force**2) / self.state[K]
-        return np.asarray(np.linalg.solve(shape, force.T).T @ rotation(self.state[TURN]))
+        turned = np.linalg.solve(shape_of(self.state), force.T).T @ rotation(self.state[TURN])
+        return np.asarray(turned)
 
     def seen_about(self, gyro: int) -> tuple[float, float]:
         """Return the rate about a gyro's own axis over the table's, as its axis was turned; and u.
@@ -112,19 +182,14 @@ class Inertial:
         ]
         if not turned or not self.gyros:
             return 1.0, 0.0
-        count = len(self.state)
-        slope, share = np.zeros(count + 3 * len(self.orientations)), 0.0
-        own = [(place, other) for place, (row, other) in enumerate(PAIRS) if row == gyro]
-        for n in turned:
-            share += self.up[n][gyro] / len(turned)
-            slope[count + 3 * n + gyro] = 1.0 / len(turned)
-            for place, other in own:
-                lean = self.state[M + place]
-                share += lean * self.up[n][other] / len(turned)
-                slope[M + place] += self.up[n][other] / len(turned)
-                slope[count + 3 * n + other] = lean / len(turned)
-        by_state = slope[:count] + slope[count:] @ self.up_by_state
-        return float(share), float(np.sqrt(by_state @ self.covariance @ by_state))
+
+        def share(state: Array) -> Array:
+            up = self.stands.directions(state)[turned].mean(axis=0)
+            return np.atleast_1d(up @ towards_of(state)[gyro])
+
+        by_state = _jacobian(share, self.state)[0]
+        u = np.sqrt(by_state @ self.covariance @ by_state)
+        return float(share(self.state)[0]), float(u)
 
     @property
     def bias_u_g(self) -> float:
@@ -132,9 +197,25 @@ class Inertial:
         return float(np.sqrt(np.max(np.diag(self.covariance)[B])))
 
 
+def shape_of(state: Array) -> Array:
+    """Return I + N (3, 3)."""
+    shape = np.eye(3)
+    for term, (i, j) in zip(state[N], CROSS, strict=True):
+        shape[i, j] = shape[j, i] = term
+    return shape
+
+
+def towards_of(state: Array) -> Array:
+    """Return the gyros' input axes (3, 3), a row each."""
+    towards = np.eye(3)
+    for term, pair in zip(state[M:SENSOR], PAIRS, strict=True):
+        towards[pair] = term
+    return towards
+
+
 def orientations_of(data: OtherAxes) -> tuple[tuple[Orientation, ...], Steps]:
     """Return every direction that the sensor stood in, and the steps of the accelerometers."""
-    steps = steps_at(data, "acceleration_g")
+    waves, steps = swept(data, FORCE)
     orientations = [
         Orientation(
             rest.name,
@@ -145,7 +226,10 @@ def orientations_of(data: OtherAxes) -> tuple[tuple[Orientation, ...], Steps]:
         )
         for rest in data.rests
     ]
-    orientations += [_orientation_of_mounting(mounting, steps) for mounting in data.mountings]
+    orientations += [
+        _orientation_of(mounting, waves.get(mounting.name, ()), steps)
+        for mounting in data.mountings
+    ]
     responses = with_nonlinearity([orientation.response for orientation in orientations])
     return tuple(
         replace(orientation, response=response)
@@ -153,23 +237,9 @@ def orientations_of(data: OtherAxes) -> tuple[tuple[Orientation, ...], Steps]:
     ), steps
 
 
-def _orientation_of_mounting(mounting: Mounted, steps: Steps) -> Orientation:
-    samples = [
-        np.column_stack((record.turn.rate_deg_per_s, _or_none(record.acceleration_g, record.turn)))
-        for record in mounting.records
-    ]
-    rounding = np.zeros(3)
-    waves = waves_of(mounting, samples)
-    for gyro in range(3):
-        columns = [own[np.isfinite(own[:, gyro]), gyro] for own in samples]
-        values = np.concatenate([*columns, np.zeros(0)])
-        if not len(values) or float(np.ptp(values)) == 0.0:
-            rounding[gyro] = np.nan  # What never changes has measured nothing of the turns.
-            continue
-        noise = [wave.sigma[gyro] ** 2 for wave in waves if np.isfinite(wave.sigma[gyro])]
-        rounding[gyro] = rounding_u(columns, float(np.mean(noise))) if noise else np.nan
-    force, u = without_rate(mounting, waves, 3, steps)
-    response = response_of(waves, rounding) if np.isfinite(u).any() else None
+def _orientation_of(mounting: Mounted, waves: Sequence[Wave], steps: Steps) -> Orientation:
+    force, u = without_rate(mounting, waves, steps)
+    response = response_of(mounting) if np.isfinite(u).any() else None
     source = _source(mounting.up, MOUNTING)
     return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response, source)
 
@@ -177,10 +247,6 @@ def _orientation_of_mounting(mounting: Mounted, steps: Steps) -> Orientation:
 def _source(up: Array, one_axis: str) -> str:
     """Return which prior says how well a direction is known: another one between axes."""
     return one_axis if np.count_nonzero(np.abs(up) > UPRIGHT) == 1 else EDGE
-
-
-def _or_none(samples: Array | None, turn: TurnRecord) -> Array:
-    return np.full((len(turn.time_s), 3), np.nan) if samples is None else samples
 
 
 def ranks(orientations: Sequence[Orientation]) -> tuple[bool, bool]:
@@ -212,119 +278,96 @@ def solve_inertial(orientations: Sequence[Orientation], data: OtherAxes) -> Iner
     first, second = ranks(orientations)
     if not first:
         return None
-    across = np.array([plane_across(orientation.up) for orientation in orientations])
     responses = [orientation for orientation in orientations if orientation.response is not None]
     gyros = {int(np.argmax(np.abs(orientation.up))) for orientation in responses} == {0, 1, 2}
-    state = np.zeros(SENSOR + 3 + 2 * len(orientations))
-    state[K], state[SENSOR : SENSOR + 3] = 1.0, 1.0
-    second_u = data.second_order_u if not second else None
-    free = _free(state, second_u, gyros=gyros)
+    second_u = None if second else data.second_order_u
+    stands = Stands(tuple(orientations), data.gravity_g, second_u, gyros)
+    state = np.zeros(LEANS + 2 * len(orientations))
+    state[K], state[SENSOR:LEANS] = 1.0, 1.0
+    free = np.ones(len(state), dtype=bool)
+    free[K2] = second_u != 0.0
+    free[M:LEANS] = gyros
 
     def residuals(part: Array) -> Array:
         whole = state.copy()
         whole[free] = part
-        return _residuals(whole, orientations, across, data, second_u, gyros=gyros)
+        return stands.residuals(whole)
 
-    scale = np.full(len(state), 1e-4)
-    fit = least_squares(residuals, state[free], x_scale=scale[free], method="lm", xtol=1e-14)
-    whole = state.copy()
-    whole[free] = fit.x
+    scale = np.full(int(free.sum()), 1e-4)
+    fit = least_squares(residuals, state[free], x_scale=scale, method="lm", xtol=1e-14)
+    state[free] = fit.x
     freedom = len(fit.fun) - int(free.sum())
     square = float(np.sum(fit.fun**2))
-    wider = 1.0
-    if freedom > 0 and chdtrc(freedom, square) < SURE:
-        wider = float(np.sqrt(square / freedom))
+    denied = freedom > 0 and chdtrc(freedom, square) < SURE
+    wider = float(np.sqrt(square / freedom)) if denied else 1.0
     jacobian = _jacobian(residuals, fit.x)
     covariance = np.zeros((len(state), len(state)))
     covariance[np.ix_(free, free)] = np.linalg.pinv(jacobian.T @ jacobian) * wider**2
     by_row = covariance[:, free] @ jacobian.T / wider
-    up = _directions(whole, orientations, across)
-    by_state = _jacobian(lambda x: _directions(x, orientations, across).ravel(), whole)
-    return Inertial(
-        tuple(orientations),
-        whole,
-        covariance,
-        up,
-        by_state,
-        first,
-        second,
-        gyros,
-        wider,
-        Shares(by_row, _sources(orientations, second_u, len(fit.fun))),
-    )
-
-
-def _sources(orientations: Sequence[Orientation], second_u: float | None, count: int) -> list[str]:
-    """Return what each residual is of, in the order of `_residuals`."""
-    felt = sum(int(np.isfinite(orientation.force_u).sum()) for orientation in orientations)
-    leans = [orientation.source for orientation in orientations for _ in range(2)]
-    sources = [NOISE] * felt + leans + [SECOND_ORDER] * (3 if second_u else 0)
-    return sources + [NOISE] * (count - len(sources))
-
-
-def _free(state: Array, second_u: float | None, *, gyros: bool) -> NDArray[np.bool_]:
-    """Return which unknowns are solved for."""
-    free = np.ones(len(state), dtype=bool)
-    if second_u == 0.0:
-        free[K2] = False
-    if not gyros:
-        free[M : SENSOR + 3] = False
-    return free
-
-
-def _directions(state: Array, orientations: Sequence[Orientation], across: Array) -> Array:
-    """Return what points up in S (s, 3) at each stand."""
-    lean = state[SENSOR + 3 :].reshape(-1, 2)
-    base = np.array([orientation.up for orientation in orientations]) + np.einsum(
-        "sk,ski->si", lean, across
-    )
-    base /= np.linalg.norm(base, axis=1)[:, None]
-    return np.asarray(base @ rotation(state[TURN]).T)
-
-
-def _residuals(
-    state: Array,
-    orientations: Sequence[Orientation],
-    across: Array,
-    data: OtherAxes,
-    second_u: float | None,
-    *,
-    gyros: bool,
-) -> Array:
-    """Return all residuals in units of their standard uncertainties."""
-    up = _directions(state, orientations, across)
-    force = data.gravity_g * up
-    shape = np.eye(3)
-    for term, (i, j) in zip(state[N], CROSS, strict=True):
-        shape[i, j] = shape[j, i] = term
-    read = state[B] + state[K] * (force @ shape.T) + state[K2] * force**2
-    measured = np.array([orientation.force_g for orientation in orientations])
-    u = np.array([orientation.force_u for orientation in orientations])
-    felt = np.isfinite(u)
-    lean = state[SENSOR + 3 :].reshape(-1, 2)
-    parts = [
-        ((measured - read)[felt] / u[felt]),
-        (lean / [[orientation.u_rad] for orientation in orientations]).ravel(),
-    ]
-    if second_u:
-        parts.append(state[K2] / second_u)
-    if gyros:
-        towards = np.eye(3)
-        for term, (i, j) in zip(state[M:SENSOR], PAIRS, strict=True):
-            towards[i, j] = term
-        for orientation, direction in zip(orientations, up, strict=True):
-            if orientation.response is not None:
-                gain = state[SENSOR : SENSOR + 3] * (towards @ direction)
-                left = (orientation.response.gain - gain) / orientation.response.gain_u
-                parts.append(left[np.isfinite(left)])
-    return np.concatenate(parts)
+    shares = Shares(by_row, stands.sources(len(fit.fun)))
+    return Inertial(stands, state, covariance, second, wider, shares)
 
 
 def _jacobian(function: Callable[[Array], Array], at: Array) -> Array:
     """Return the derivatives of a function (n,) by central differences, (n, k)."""
-    columns = []
-    for n in range(len(at)):
-        step = np.zeros(len(at))
-        step[n] = 1e-6
-        columns.append((function(at + step) - function(at - step)) / 2e-6)
-    return np.column_stack(columns)
+    steps = 1e-6 * np.eye(len(at))
+    return np.column_stack([(function(at + s) - function(at - s)) / 2e-6 for s in steps])
+
+
+def sensitivities(data: OtherAxes, inertial: Inertial) -> tuple[Array, Array] | None:
+    """Return each gyro's sensitivity to specific force (3, 3) in deg/h/g, and u, NaN of none.
+
+    None where the mountings have fewer than four directions. All records of a gyro together: beside
+    what grows with the rate, a gain for each mounting, it reads its bias, the earth's rate along
+    the table's axis, the force, and what grows with the magnitude of its own rate. That one is a
+    gyro's own: mountings of several rates give it for those of one.
+    """
+    mounted = [
+        (orientation.response, orientation.up, up)
+        for orientation, up in zip(inertial.orientations, inertial.up, strict=True)
+        if orientation.response is not None
+    ]
+    nominal = np.reshape([nominal for _, nominal, _ in mounted], (-1, 3))
+    if _rank(np.column_stack((np.ones(len(nominal)), nominal))) < UNKNOWNS_OF_FORCE:
+        return None
+    value, u = np.full((3, 3), np.nan), np.full((3, 3), np.nan)
+    for gyro in range(3):
+        solved = _sensitivity(data, [(response, up) for response, _, up in mounted], gyro)
+        if solved is not None:
+            value[gyro], u[gyro] = solved
+    return value, u
+
+
+def _sensitivity(
+    data: OtherAxes, mounted: Sequence[tuple[Response, Array]], gyro: int
+) -> tuple[Array, Array] | None:
+    """Return the sensitivities (3,) of a gyro, and u; None where its records determine none."""
+    earth_deg_per_h = float(earth_rate(data.latitude_deg)[2])
+    rows, read, size = [], [], []
+    for place, (response, up) in enumerate(mounted):
+        gains = np.zeros(len(mounted))
+        for n, rate in enumerate(response.rate_deg_per_s):
+            mean, u = response.mean_deg_per_s[n, gyro], response.mean_u[n, gyro]
+            if not (np.isfinite(mean) and u > 0.0):
+                continue
+            gains[place] = SECONDS_PER_HOUR * rate + earth_deg_per_h
+            own = SECONDS_PER_HOUR * abs(rate * up[gyro])
+            rows.append([1.0, *(data.gravity_g * up), own, *gains])
+            read.append(SECONDS_PER_HOUR * mean)
+            size.append(SECONDS_PER_HOUR * u)
+    if not rows:
+        return None
+    weighted = np.array(rows) / np.array(size)[:, None]
+    scale = np.linalg.norm(weighted, axis=0)
+    if not bool(np.all(scale > 0.0)):
+        return None
+    weighted /= scale
+    every = np.arange(weighted.shape[1])
+    # At one rate only an asymmetry is the same in all mountings: it is in the bias.
+    for keep in (every, every[every != UNKNOWNS_OF_FORCE]):
+        if np.linalg.matrix_rank(weighted[:, keep], tol=1e-6) == len(keep):
+            inverse = np.linalg.inv(weighted[:, keep].T @ weighted[:, keep])
+            solved = inverse @ (weighted[:, keep].T @ (np.array(read) / np.array(size)))
+            own = slice(1, UNKNOWNS_OF_FORCE)
+            return (solved / scale[keep])[own], (np.sqrt(np.diag(inverse)) / scale[keep])[own]
+    return None

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,17 @@ from scipy.special import chdtrc, fdtrc
 from procedures.estimation.shares import Shares
 
 from .channels import Steps
-from .inertial import SURE, Inertial
-from .sources import DIRECTIONS, FIELD, INCLINATION, NOISE, TILT
-from .stands import Array, Mounted, OtherAxes, Rest, plane_across
-from .waves import WHITE, Wave, at_rest, steps_at, waves_of
+from .inertial import NOISE, TILT, Inertial
+from .stands import FIELD, Array, Mounted, OtherAxes, plane_across
+from .waves import SURE, WHITE, Wave, at_rest, swept
 
 O, A, F, I, AXIS = slice(0, 3), slice(3, 12), 12, 13, 14  # noqa: E741
 PLATFORM = slice(15, 18)
 SENSOR = 18
 RESULTS = 12
+DIRECTIONS = "prior_directions"
+MAGNITUDE, INCLINATION = "prior_earth_field_magnitude", "prior_earth_field_inclination"
+"""Rows of the budget: where what the fit rests on comes from."""
 FIELD_SCALE_NT = 50_000.0
 """Unknowns of the field are in units of it, so that all are about one."""
 SMALLEST = 1e-9
@@ -87,6 +89,16 @@ class Magnetic:
         return bool(np.all(np.abs(slope @ self.undetermined) < MOVED * np.linalg.norm(slope)))
 
     @property
+    def whole(self) -> bool:
+        """Whether offset and matrix are determined."""
+        return all(map(self.determines, np.eye(RESULTS)))
+
+    @property
+    def knows_offset(self) -> bool:
+        """Whether the offset is determined."""
+        return all(map(self.determines, np.eye(RESULTS)[O]))
+
+    @property
     def disturbed(self) -> bool:
         """Whether a field turned with the sensor."""
         return bool(self.platform_nT.any())
@@ -94,14 +106,31 @@ class Magnetic:
 
 @dataclass(frozen=True)
 class _Fit:
-    """A solution: its state, which unknowns were free, normal matrix of those, chi-square."""
+    """A solution: its state, which unknowns were free, the jacobian by those, chi-square and the
+    number of residuals."""
 
     state: Array
     free: NDArray[np.bool_]
-    normal: Array
     jacobian: Array
     square: float
-    freedom: int
+    count: int
+
+    @cached_property
+    def spectrum(self) -> tuple[Array, Array, Array]:
+        """Scale (k,) of the free unknowns, eigenvalues and vectors of their normal matrix by it."""
+        normal = self.jacobian.T @ self.jacobian
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        return scale, *np.linalg.eigh(normal / np.outer(scale, scale))
+
+    @property
+    def rank(self) -> int:
+        """How many combinations of the free unknowns are determined."""
+        return int(np.sum(self.spectrum[1] > FREE))
+
+    @property
+    def freedom(self) -> int:
+        """How many residuals are more than they need."""
+        return self.count - self.rank
 
     @property
     def agrees(self) -> bool:
@@ -110,8 +139,7 @@ class _Fit:
 
     def covariance(self) -> tuple[Array, Array]:
         """Return the covariance of the state, and the directions in which nothing determines it."""
-        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
-        values, vectors = np.linalg.eigh(self.normal / np.outer(scale, scale))
+        scale, values, vectors = self.spectrum
         sure = values > FREE
         inverse = (vectors[:, sure] / values[sure]) @ vectors[:, sure].T / np.outer(scale, scale)
         covariance = np.zeros((len(self.state), len(self.state)))
@@ -121,36 +149,23 @@ class _Fit:
         undetermined = np.column_stack((unknown, np.eye(len(self.state))[:, ~self.free]))
         return covariance, undetermined / np.linalg.norm(undetermined, axis=0)
 
-    @property
-    def rank(self) -> int:
-        """How many combinations of the free unknowns are determined."""
-        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
-        return int(np.sum(np.linalg.eigvalsh(self.normal / np.outer(scale, scale)) > FREE))
-
 
 def felt_of(data: OtherAxes) -> tuple[list[Felt], Array, Steps]:
     """Return what was felt in every direction, delay of each axis in s (3,), the steps of each."""
-    steps = steps_at(data, "field_nT")
-    mounted = [(mounting, _waves(mounting)) for mounting in data.with_field]
+    by_mounting, steps = swept(data, FIELD)
+    mounted = [
+        (mounting, [w for w in by_mounting.get(mounting.name, ()) if np.isfinite(w.value).any()])
+        for mounting in data.mountings
+    ]
     delay_s = _delay([waves for _, waves in mounted])
     felt = [_averaged(mounting, waves, delay_s, steps) for mounting, waves in mounted if waves]
-    felt += [
-        _of_rest(rest, rest.field_nT, steps) for rest in data.rests if rest.field_nT is not None
-    ]
+    for rest in data.rests:
+        if rest.field_nT is not None:
+            wave = np.full((3, 3), np.nan)
+            wave[0], u = at_rest(rest.field_nT, steps)
+            felt.append(Felt(rest.name, wave, np.diag(np.tile(u**2, 3)), rest.up, turned=False))
     some = [direction for direction in felt if np.isfinite(direction.wave[0]).any()]
     return some, delay_s, steps
-
-
-def _waves(mounting: Mounted) -> list[Wave]:
-    samples = [record.field_nT for record in mounting.records if record.field_nT is not None]
-    return [wave for wave in waves_of(mounting, samples) if np.isfinite(wave.value).any()]
-
-
-def _of_rest(rest: Rest, field_nT: Array, steps: Steps) -> Felt:
-    mean, u = at_rest(field_nT, steps)
-    wave = np.full((3, 3), np.nan)
-    wave[0] = mean
-    return Felt(rest.name, wave, np.diag(np.tile(u**2, 3)), rest.up, turned=False)
 
 
 def _delay(mounted: Sequence[Sequence[Wave]]) -> Array:
@@ -175,8 +190,7 @@ def _delay(mounted: Sequence[Sequence[Wave]]) -> Array:
 def _averaged(mounting: Mounted, waves: Sequence[Wave], delay_s: Array, steps: Steps) -> Felt:
     """Return the wave of a mounting, both senses alike: what goes with the rate drops out.
 
-    An axis that a sense does not have is NaN. The axis along the table's is not swept through its
-    steps by the turns, and keeps what they leave.
+    An axis that a sense does not have is NaN. What the steps leave does not average out.
     """
     senses = []
     for sign in (1.0, -1.0):
@@ -185,8 +199,7 @@ def _averaged(mounting: Mounted, waves: Sequence[Wave], delay_s: Array, steps: S
             senses.append(_weighted(own, delay_s, steps))
     value = np.mean([wave for wave, _ in senses], axis=0)
     covariance = np.sum([share for _, share in senses], axis=0) / len(senses) ** 2
-    left = steps.of_swing(np.nan_to_num(np.hypot(value[1], value[2])))
-    covariance += np.diag(np.concatenate((left**2, 2.0 * left**2, 2.0 * left**2)))
+    covariance += np.diag(np.kron([1.0, 2.0, 2.0], steps.rounding**2))
     return Felt(mounting.name, value, covariance, mounting.up, turned=True)
 
 
@@ -221,17 +234,18 @@ def solve_magnetic(
     if not any(direction.turned for direction in felt):
         return None
     model = _model_of(felt, data, inertial)
-    fit = model.fitted()
+    fit = model.best()
     if _weak(fit.covariance()[0]):
         return None
     stands_left_out, seen = False, model
     if not fit.agrees:
-        beside = model.fitted(platform=True, start=fit.state)
+        beside = model.fitted(fit.state, platform=True)
         if _explains(fit, beside):
             fit = beside
         if not fit.agrees and len(model.felt) > len(model.turns):
             turns = _model_of(model.turns, data, inertial)
-            alone, with_field = turns.fitted(), turns.fitted(platform=True)
+            alone = turns.best()
+            with_field = turns.fitted(alone.state, platform=True)
             if with_field.agrees and not alone.agrees and _explains(alone, with_field):
                 fit, seen, stands_left_out = with_field, turns, True
     wander_nT = 0.0
@@ -299,7 +313,7 @@ class _Model:
 
     def sources(self, count: int) -> list[str]:
         """Return what each of `count` residuals is of, in the order of `_residuals`."""
-        stated = [FIELD] if self.data.field_nT is not None else [NOISE]
+        stated = [MAGNITUDE] if self.data.field_nT is not None else [NOISE]
         stated += [INCLINATION] if self.data.inclination_rad is not None else []
         sources = [DIRECTIONS] * (2 * len(self.felt)) + [TILT]
         sources += [NOISE] * int(self.there.sum()) + stated
@@ -310,42 +324,37 @@ class _Model:
         """What was felt in turns."""
         return [direction for direction in self.felt if direction.turned]
 
-    def fitted(self, *, platform: bool = False, start: Array | None = None) -> _Fit:
-        """Return the best solution, with a field of the platform or without."""
-        if start is None:
-            begin = partial(_start, self.felt, self.up, self.data, self.size_nT)
-            fit = self.fitted(platform=platform, start=begin(other_way=False))
-            if fit.agrees or self.data.inclination_rad is not None:
-                return fit
-            other = self.fitted(platform=platform, start=begin(other_way=True))
-            return min(fit, other, key=lambda tried: tried.square)
-        state = start
+    def best(self) -> _Fit:
+        """Return the best solution without a field of the platform.
+
+        Outputs that are all inverted look like a field of the other inclination: only where that is
+        stated does such a solution differ, and it counts where noise explains what it leaves.
+        """
+        fit = self.fitted(_start(self, 1.0))
+        if fit.agrees or self.data.inclination_rad is None:
+            return fit
+        inverted = self.fitted(_start(self, -1.0))
+        return inverted if inverted.agrees else fit
+
+    def fitted(self, start: Array, *, platform: bool = False) -> _Fit:
+        """Return the best solution near a beginning, with a field of the platform or without."""
+        state = start.copy()
         free = np.ones(len(state), dtype=bool)
         free[PLATFORM] = platform
         # An axis that felt nothing stays ideal.
-        dead = ~np.any([np.isfinite(direction.wave[0]) for direction in self.felt], axis=0)
+        dead = ~self.there[:, :3].any(axis=0)
         free[O] = ~dead
         free[A] = np.repeat(~dead, 3)
 
         def residuals(part: Array) -> Array:
-            whole = state.copy()
-            whole[free] = part
-            left = _residuals(whole, self)
-            return np.pad(left, (0, max(int(free.sum()) - len(left), 0)))
+            state[free] = part
+            left = _residuals(state, self)
+            return np.pad(left, (0, max(len(part) - len(left), 0)))
 
-        fit = least_squares(
-            residuals,
-            state[free],
-            method="lm",
-            xtol=1e-13,
-            ftol=1e-13,
-            gtol=1e-13,
-            max_nfev=MAX_STEPS,
-        )
-        whole = state.copy()
-        whole[free] = fit.x
-        done = _Fit(whole, free, fit.jac.T @ fit.jac, fit.jac, 2.0 * float(fit.cost), 0)
-        return replace(done, freedom=len(_residuals(whole, self)) - done.rank)
+        exact = {"xtol": 1e-13, "ftol": 1e-13, "gtol": 1e-13}
+        fit = least_squares(residuals, state[free], method="lm", max_nfev=MAX_STEPS, **exact)
+        state[free] = fit.x
+        return _Fit(state, free, fit.jac, 2.0 * float(fit.cost), len(_residuals(state, self)))
 
     def wandering(self, fit: _Fit) -> tuple[float, _Fit]:
         """Return what each record's field differs by in nT, so that noise explains the rest."""
@@ -353,7 +362,7 @@ class _Model:
         low, high = 0.0, float(np.sqrt(fit.square)) * self._noise_nT
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            fit = self._with(middle).fitted(platform=platform, start=fit.state)
+            fit = self._with(middle).fitted(fit.state, platform=platform)
             low, high = (middle, high) if fit.square > fit.freedom else (low, middle)
             if high - low < SETTLED * high:
                 break
@@ -426,53 +435,44 @@ def _roots(felt: Sequence[Felt]) -> Array:
     return roots
 
 
-def _start(
-    felt: Sequence[Felt], up: Array, data: OtherAxes, size_nT: float, *, other_way: bool
-) -> Array:
-    """Return where the search begins: an ideal sensor, the offset that the means leave.
-
-    `other_way` is with the sign of an unknown inclination that the means speak against.
-    """
-    state = np.zeros(SENSOR + len(felt) + 2 * len(felt))
-    state[A] = np.eye(3).ravel()
-    turned = [n for n, direction in enumerate(felt) if direction.turned]
-    waves = np.nan_to_num([felt[n].wave[1:] for n in turned])
+def _start(model: _Model, sense: float) -> Array:
+    """Return where the search begins: an ideal sensor, or with a `sense` of -1 one whose outputs
+    are all inverted, and the offset that the means leave; of an unknown inclination the sign that
+    leaves less of them."""
+    felt, up, data = model.felt, model.up, model.data
+    field_nT = model.size_nT
+    state = np.zeros(SENSOR + 3 * len(felt))
+    waves = np.nan_to_num([direction.wave[1:] for direction in model.turns])
     across_nT = float(np.mean(np.linalg.norm(waves, axis=(1, 2)))) / np.sqrt(2.0)
-    field_nT = data.field_nT or FIELD_SCALE_NT
     angle = data.inclination_rad
     if angle is None:
-        angle = float(np.arccos(min(across_nT / field_nT, 0.999)))
-        angle *= _sense(felt, up, turned, field_nT * np.sin(angle)) * (-1.0 if other_way else 1.0)
-    state[F], state[I] = field_nT / size_nT, angle
-    upwards = -field_nT * float(np.sin(angle))
-    means = np.array([felt[n].wave[0] - upwards * up[n] for n in turned])
-    there = np.isfinite(means)
-    offset = np.where(there, means, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-    state[O] = offset / size_nT
+        size = float(np.arccos(min(across_nT / field_nT, 0.999)))
+        angle = min(size, -size, key=lambda way: _offset(model, -field_nT * np.sin(way))[1])
+    level_nT, upwards_nT = field_nT * np.cos(angle), -sense * field_nT * float(np.sin(angle))
+    offset = _offset(model, upwards_nT)[0]
+    state[A], state[F], state[I] = sense * np.eye(3).ravel(), 1.0, angle
+    state[O] = offset / field_nT
     for n, direction in enumerate(felt):
         first, second = plane_across(up[n])
-        north = np.cos(AZIMUTHS) * first + np.sin(AZIMUTHS) * second
+        north = sense * (np.cos(AZIMUTHS) * first + np.sin(AZIMUTHS) * second)
         if direction.turned:
             seen = direction.wave[1] - across_nT * north
             behind = direction.wave[2] + across_nT * np.cross(up[n], north)
             apart = np.nansum(seen**2, axis=1) + np.nansum(behind**2, axis=1)
         else:
-            level_nT = field_nT * np.cos(angle)
-            seen = direction.wave[0] - offset - upwards * up[n] - level_nT * north
+            seen = direction.wave[0] - offset - upwards_nT * up[n] - level_nT * north
             apart = np.nansum(seen**2, axis=1)
         state[SENSOR + n] = AZIMUTHS[int(np.argmin(apart)), 0]
     return state
 
 
-def _sense(felt: Sequence[Felt], up: Array, turned: Sequence[int], down_nT: float) -> float:
-    """Return the sign of the inclination for which the means leave the least apart."""
-    left = {}
-    for sign in (1.0, -1.0):
-        offsets = np.array([felt[n].wave[0] + sign * down_nT * up[n] for n in turned])
-        there = np.isfinite(offsets)
-        middle = np.where(there, offsets, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-        left[sign] = float(np.sum(np.nan_to_num(offsets - middle) ** 2))
-    return min(left, key=lambda sign: left[sign])
+def _offset(model: _Model, upwards_nT: float) -> tuple[Array, float]:
+    """Return the offset (3,) that the means of turns leave, and the squares about it."""
+    means = np.array([felt.wave[0] for felt in model.felt]) - upwards_nT * model.up
+    means = means[model.turned]
+    there = np.isfinite(means)
+    middle = np.where(there, means, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    return middle, float(np.nansum((means - middle) ** 2))
 
 
 def _residuals(state: Array, model: _Model) -> Array:

@@ -14,8 +14,8 @@ from station.report.numbers import format_number
 
 from .inertial import SENSOR, B, Inertial, K, M, Orientation, solve_inertial
 from .reading import lean_rad
-from .response import Response
 from .stands import Array, OtherAxes, direction
+from .waves import Response
 
 NOISE_G = 1e-4
 """Of an accelerometer in one second: what sensors of this class have."""

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import permutations
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+from typing import NamedTuple
 
 import numpy as np
 
 from procedures.nine_axis_calibration.dataset import AXES
-from station.findings import Estimate, Flag, InputQuantity, Published, undetermined
+from station.findings import Estimate, Flag, InputQuantity, Key, Published, undetermined
 
-from .channels import (
-    ACCELEROMETER,
-    MAGNETOMETER,
-    clipped_flags,
-    coarse_flags,
-    without_clipped,
-    without_stuck,
-)
-from .coil import InCoil, coil_inputs, estimates_in_coil, solve_coil
+from .channels import screened
+from .checks import doubts, implausible, not_determined, other_hemisphere
+from .coil import ALIGNMENT, GAIN, ZERO, InCoil, coil_inputs, solve_coil
 from .inertial import (
     CROSS,
+    EDGE,
     K2,
-    PAIRS,
+    NOISE,
+    SECOND_ORDER,
+    SENSOR,
     TURN,
     B,
     Inertial,
@@ -32,45 +31,63 @@ from .inertial import (
     N,
     Orientation,
     orientations_of,
+    sensitivities,
+    shape_of,
     solve_inertial,
 )
-from .magnetic import Magnetic, felt_of, solve_magnetic
-from .sensitivity import UNIT as PER_G
-from .sensitivity import g_sensitivity
-from .stands import Array, OtherAxes
+from .magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Magnetic, felt_of, solve_magnetic
+from .stands import FIELD, FORCE, Array, OtherAxes
 
 METHOD = "least-squares"
 ARCSEC_PER_RAD = float(np.degrees(1.0)) * 3600.0
-ACCELEROMETERS = {"frame": "accelerometers"}
-MOUNTING = {"frame": "mounting"}
-NAMES = tuple(AXES[i] + AXES[j] for i, j in permutations(range(3), 2))
+ACCELEROMETERS, MOUNTING = {"frame": "accelerometers"}, {"frame": "mounting"}
+PAIRS = tuple(a + b for a, b in permutations(AXES, 2))
 EDGES = tuple(AXES[i] + AXES[j] for i, j in CROSS)
-EVERY = tuple(a + b for a in AXES for b in AXES)
-UNITS = {
-    "accelerometer_bias": (AXES, "g"),
-    "accelerometer_scale_factor": (AXES, "1"),
-    "accelerometer_nonorthogonality": (EDGES, "arcsec"),
-    "accelerometer_second_order": (AXES, "ug/g^2"),
-    "boresight": (AXES, "arcsec"),
-    "g_sensitivity": (EVERY, PER_G),
-    "magnetometer_offset": (AXES, "nT"),
-    "magnetometer_scale_factor": (AXES, "1"),
-    "magnetometer_misalignment": (NAMES, "arcsec"),
-}
-GRAVITY, FIELD = "prior_local_gravity", "prior_earth_field"
-SCALE = "magnetometer_scale_factor"
-PLATFORM_AXES = ("north", "west", "up")
-"""Of a field fixed to what turns, at the encoder's zero."""
+EVERY = tuple(a + b for a, b in product(AXES, AXES))
+GRAVITY = "prior_local_gravity"
+OFFSET, SCALE, LEAN = (
+    "magnetometer_offset",
+    "magnetometer_scale_factor",
+    "magnetometer_misalignment",
+)
+PER_G = "g_sensitivity"
 ELLIPSOID_TERMS = 9
-MAX_FROM_ONE = {"accelerometer_scale_factor": 0.05, SCALE: 0.2}
-"""Soft iron takes a magnetometer by 5 %; no sensor leaves its maker with more than these."""
-IN_ACCELEROMETERS = [name for name in UNITS if not name.startswith("magnetometer")]
-IN_MAGNETOMETER = [name for name in UNITS if name.startswith("magnetometer")]
+
+
+class Quantity(NamedTuple):
+    """A result of the accelerometers' fit: its unknowns, the factor to its unit, its frame."""
+
+    name: str
+    axes: Sequence[str]
+    unit: str
+    unknowns: slice
+    factor: float = 1.0
+    extra: Mapping[str, str] = {}
+
+
+OF_ACCELEROMETERS = (
+    Quantity("accelerometer_bias", AXES, "g", B, 1.0, ACCELEROMETERS),
+    Quantity("accelerometer_scale_factor", AXES, "1", K, 1.0, ACCELEROMETERS),
+    Quantity("accelerometer_nonorthogonality", EDGES, "arcsec", N, 2.0 * ARCSEC_PER_RAD),
+    Quantity("accelerometer_second_order", AXES, "ug/g^2", K2, 1e6),
+    Quantity("boresight", AXES, "arcsec", TURN, ARCSEC_PER_RAD),
+)
+OF_GYROS = Quantity(
+    "misalignment", PAIRS, "arcsec", slice(M, SENSOR), ARCSEC_PER_RAD, ACCELEROMETERS
+)
+BY_FORCE = (PER_G, EVERY, "deg/h/g")
+OF_MAGNETOMETER = ((OFFSET, AXES, "nT"), (SCALE, AXES, "1"), (LEAN, PAIRS, "arcsec"))
+Shared = tuple[Estimate, Mapping[str, float]]
+"""A result, and what noise and each prior add to its uncertainty; nothing where that is not known.
+"""
 
 
 @dataclass(frozen=True)
 class OtherResults:
-    """What the other six axes come to; `misalignment` replaces that of the gyros, if not empty."""
+    """What the other six axes come to; `misalignment` replaces that of the gyros, if not empty.
+
+    `shares` is what noise and each prior add to the uncertainty of a result.
+    """
 
     estimates: tuple[Estimate, ...]
     misalignment: tuple[Estimate, ...]
@@ -80,244 +97,185 @@ class OtherResults:
     inertial: Inertial | None
     magnetic: Magnetic | None
     recorded: OtherAxes
+    shares: Mapping[Key, Mapping[str, float]]
 
 
-def results_of(data: OtherAxes) -> OtherResults:
+def results_of(recorded: OtherAxes) -> OtherResults:
     """Return results, flags and inputs of the other six axes. Raises nothing for poor data."""
-    recorded = data
-    data, clipped = without_clipped(data)
-    data, stuck = without_stuck(data)
+    data, left_out = screened(recorded)
     orientations, force_steps = orientations_of(data)
     felt, delay_s, field_steps = felt_of(data)
     inertial = solve_inertial(orientations, data)
     magnetic = solve_magnetic(felt, delay_s, data, inertial)
     coil = solve_coil(data.coil) if data.coil is not None else None
-    estimates: list[Estimate] = []
-    flags: list[Flag] = []
-    if (
-        clipped
-        or stuck
-        or any(np.isfinite(orientation.force_u).any() for orientation in orientations)
-    ):
-        estimates += _of_accelerometers(data, inertial)
-    if felt or data.coil is not None or any(c.sensor == MAGNETOMETER for c in clipped):
-        estimates += _of_magnetometer(inertial, magnetic, coil)
-    lacking = [estimate for estimate in estimates if estimate.value is None]
-    if lacking:
-        flags.append(_not_identifiable(lacking))
-    flags += clipped_flags(clipped)
-    flags += stuck
-    flags += coarse_flags(ACCELEROMETER, force_steps)
-    flags += coarse_flags(MAGNETOMETER, field_steps)
-    flags += _doubts(inertial, magnetic, coil)
-    flags += _implausible(estimates)
+    every: list[Shared] = []
+    if _recorded(recorded, FORCE):
+        every += _of_accelerometers(data, inertial)
+    if _recorded(recorded, FIELD) or data.coil is not None:
+        every += _of_magnetometer(inertial, magnetic, coil)
+    estimates = [estimate for estimate, _ in every]
+    gyros = [*_of_state(inertial, OF_GYROS)] if inertial is not None and inertial.gyros else []
+    flags = [
+        *not_determined(estimates),
+        *left_out,
+        *force_steps.flags(FORCE),
+        *field_steps.flags(FIELD),
+        *doubts(inertial, magnetic, in_coil=coil is not None),
+        *implausible(estimates),
+        *other_hemisphere(data, magnetic),
+    ]
     return OtherResults(
         tuple(estimates),
-        _misalignment(inertial) if inertial is not None and inertial.gyros else (),
+        tuple(estimate for estimate, _ in gyros),
         tuple(published(data, orientations)),
         tuple(flags),
         tuple(_inputs(data)),
         inertial,
         magnetic,
         recorded,
+        {(known.name, known.axis): shares for known, shares in (*every, *gyros) if shares},
     )
 
 
-def _of_accelerometers(data: OtherAxes, inertial: Inertial | None) -> Iterator[Estimate]:
-    """Yield what the accelerometers are, in their own frame."""
-    if inertial is None:
-        for name in IN_ACCELEROMETERS:
-            axes, unit = UNITS[name]
-            yield from (undetermined(name, axis, unit, METHOD) for axis in axes)
-        return
-    u = np.sqrt(np.diag(inertial.covariance))
-    by_gravity = inertial.state[K] / data.gravity_g
-    for n, axis in enumerate(AXES):
-        yield _estimate(
-            "accelerometer_bias", axis, inertial.state[B][n], u[B][n], 1.0, ACCELEROMETERS
-        )
-    for n, axis in enumerate(AXES):
-        yield _estimate(
-            "accelerometer_scale_factor",
-            axis,
-            inertial.state[K][n],
-            u[K][n],
-            1.0,
-            ACCELEROMETERS,
-            {GRAVITY: float(by_gravity[n])},
-        )
-    twice = 2.0 * ARCSEC_PER_RAD
-    for n, axis in enumerate(EDGES):
-        yield _estimate(
-            "accelerometer_nonorthogonality", axis, inertial.state[N][n], u[N][n], twice
-        )
-    for n, axis in enumerate(AXES):
-        name = "accelerometer_second_order"
-        if inertial.second_order:
-            yield _estimate(name, axis, inertial.state[K2][n], u[K2][n], 1e6)
+def _recorded(data: OtherAxes, what: str) -> bool:
+    return any(np.isfinite(samples).any() for _, _, samples in data.records(what))
+
+
+def _unknown(name: str, axes: Sequence[str], unit: str) -> Iterator[Shared]:
+    """Yield that nothing determines a result of these axes."""
+    for axis in axes:
+        yield undetermined(name, axis, unit, METHOD), {}
+
+
+def _of_accelerometers(data: OtherAxes, inertial: Inertial | None) -> Iterator[Shared]:
+    """Yield what the accelerometers are, in their own frame, and what the gyros feel of force."""
+    for quantity in OF_ACCELEROMETERS:
+        if inertial is None or (quantity.unknowns == K2 and not inertial.second_order):
+            yield from _unknown(*quantity[:3])
         else:
-            yield undetermined(name, axis, UNITS[name][1], METHOD)
-    for n, axis in enumerate(AXES):
-        yield _estimate("boresight", axis, inertial.state[TURN][n], u[TURN][n], ARCSEC_PER_RAD)
-    yield from g_sensitivity(data, inertial)
+            yield from _of_state(inertial, quantity)
+    solved = sensitivities(data, inertial) if inertial is not None else None
+    if solved is None:
+        yield from _unknown(*BY_FORCE)
+        return
+    name, axes, unit = BY_FORCE
+    for axis, value, u in zip(axes, *map(np.ravel, solved), strict=True):
+        if np.isfinite(value):
+            yield Estimate(name, axis, float(value), unit, float(u), None, METHOD), {}
+        else:
+            yield from _unknown(name, (axis,), unit)
 
 
-def _misalignment(inertial: Inertial) -> tuple[Estimate, ...]:
-    """Return the gyros' directions to the accelerometers: no mounting is in them."""
-    own = slice(M, M + len(PAIRS))
-    state, u = inertial.state[own], np.sqrt(np.diag(inertial.covariance))[own]
-    return tuple(
-        _estimate("misalignment", axis, value, size, ARCSEC_PER_RAD, ACCELEROMETERS)
-        if inertial.turned[gyro]
-        else undetermined("misalignment", axis, "arcsec", METHOD)
-        for axis, (gyro, _), value, size in zip(NAMES, PAIRS, state, u, strict=True)
-    )
+def _of_state(inertial: Inertial, quantity: Quantity) -> Iterator[Shared]:
+    """Yield a result of each axis; null of a gyro that did not answer the turns about all three."""
+    name, axes, unit, unknowns, factor, extra = quantity
+    values = factor * inertial.state[unknowns]
+    u = factor * np.sqrt(np.diag(inertial.covariance)[unknowns])
+    slopes = factor * np.eye(len(inertial.state))[unknowns]
+    for axis, value, size, slope in zip(axes, values, u, slopes, strict=True):
+        if quantity is OF_GYROS and not inertial.turned[AXES.index(axis[0])]:
+            yield from _unknown(name, (axis,), unit)
+            continue
+        by = {GRAVITY: float(value / inertial.stands.gravity_g)} if unknowns == K else {}
+        estimate = Estimate(
+            name, axis, float(value), unit, float(size), None, METHOD, by, dict(extra)
+        )
+        yield estimate, inertial.shares.of(slope)
 
 
 def _of_magnetometer(
     inertial: Inertial | None, magnetic: Magnetic | None, coil: InCoil | None
-) -> Iterator[Estimate]:
+) -> Iterator[Shared]:
     """Yield offset, scale factor and directions of the magnetometer: diag(K)(I + M).
 
     Of turns and stands in the earth's field where they determine them; the coil gives the rest:
     scale factors where no field is known, all where nothing was turned.
     """
-    in_coil = list(estimates_in_coil(coil)) if coil is not None else []
-    if magnetic is None and in_coil:
+    in_coil = [] if coil is None else list(_of_coil(coil))
+    if magnetic is not None:
+        for of_field in _in_earths_field(inertial, magnetic):
+            if not (in_coil and magnetic.relative and of_field[0].name == SCALE):
+                yield of_field
+            else:
+                axis = of_field[0].axis
+                yield next(c for c in in_coil if (c[0].name, c[0].axis) == (SCALE, axis))
+    elif in_coil:
         yield from in_coil
-        return
-    for estimate in _in_earths_field(inertial, magnetic):
-        if in_coil and magnetic is not None and magnetic.relative and estimate.name == SCALE:
-            yield next(c for c in in_coil if (c.name, c.axis) == (SCALE, estimate.axis))
-        else:
-            yield estimate
+    else:
+        for quantity in OF_MAGNETOMETER:
+            yield from _unknown(*quantity)
 
 
-def _in_earths_field(inertial: Inertial | None, magnetic: Magnetic | None) -> Iterator[Estimate]:
+def _in_earths_field(inertial: Inertial | None, magnetic: Magnetic) -> Iterator[Shared]:
     """Yield what turns and stands at rest in the earth's field determine."""
     frame = MOUNTING if inertial is None else ACCELEROMETERS
-    if magnetic is None:
-        for name in IN_MAGNETOMETER:
-            axes, unit = UNITS[name]
-            yield from (undetermined(name, axis, unit, METHOD) for axis in axes)
-        return
-    for name, axis, value, factor, slope in slopes_of(magnetic):
-        u = float(np.sqrt(slope @ magnetic.covariance @ slope))
-        extra = frame if name == IN_MAGNETOMETER[2] else None
-        if magnetic.determines(slope):
-            yield _estimate(name, axis, value, u, factor, extra, freedom=magnetic.freedom)
-        else:
-            yield undetermined(name, axis, UNITS[name][1], METHOD)
-
-
-def slopes_of(magnetic: Magnetic) -> Iterator[tuple[str, str, float, float, Array]]:
-    """Yield name and axis of each result, its value, the factor to its unit, and its derivatives
-    (12,) by offset and gain."""
-    gain = magnetic.gain
-    for n, axis in enumerate(AXES):
-        yield IN_MAGNETOMETER[0], axis, magnetic.offset_nT[n], 1.0, np.eye(12)[n]
-    for n, axis in enumerate(AXES):
-        yield SCALE, axis, gain[n, n], 1.0, np.eye(12)[3 + 4 * n]
-    for axis, (i, j) in zip(NAMES, PAIRS, strict=True):
-        slope = np.zeros(12)
-        slope[3 + 3 * i + j] = 1.0 / gain[i, i]
-        slope[3 + 4 * i] = -gain[i, j] / gain[i, i] ** 2
-        yield IN_MAGNETOMETER[2], axis, gain[i, j] / gain[i, i], ARCSEC_PER_RAD, slope
-
-
-def _estimate(
-    name: str,
-    axis: str,
-    value: float,
-    u: float,
-    factor: float = 1.0,
-    extra: dict[str, str] | None = None,
-    sensitivities: dict[str, float] | None = None,
-    freedom: float = np.inf,
-) -> Estimate:
-    unit = UNITS[name][1] if name in UNITS else "arcsec"
-    return Estimate(
-        name,
-        axis,
-        float(factor * value),
-        unit,
-        float(factor * u),
-        freedom if np.isfinite(freedom) else None,
-        METHOD,
-        sensitivities or {},
-        extra or {},
-    )
-
-
-def _not_identifiable(lacking: Sequence[Estimate]) -> Flag:
-    names = list(dict.fromkeys(estimate.name for estimate in lacking))
-    listed = ", ".join(name.replace("_", " ") for name in names)
-    message = (
-        f"Not determined by the directions in which the sensor stood: {listed}. Accelerometers "
-        "need directions that face down, their second order more than the six faces."
-    )
-    return Flag("not-identifiable", message, None, {"coefficients": names})
-
-
-def _doubts(
-    inertial: Inertial | None, magnetic: Magnetic | None, coil: InCoil | None
-) -> Iterator[Flag]:
-    """Yield what the data contradict of each other."""
-    if inertial is not None and inertial.wider > 1.0:
-        message = (
-            "The accelerometers' means disagree by more than their noise and the priors of the "
-            f"set-up explain; their uncertainties are {inertial.wider:.2g} times as large for it. "
-            "Look for a stand that leans, or that was moved."
-        )
-        yield Flag("poses-disagree", message, None, {"ratio": inertial.wider})
-    if magnetic is None:
-        return
-    if magnetic.relative and coil is None:
-        message = (
-            "The earth's field is not stated: the magnetometer's scale factors have mean one by "
-            "convention, and are relative to each other only. Give `earth_field`."
-        )
-        yield Flag("scale-by-convention", message)
-    if magnetic.disturbed:
-        size_nT = float(np.linalg.norm(magnetic.platform_nT))
-        stands = " The stands at rest deny it and are left out." if magnetic.stands_left_out else ""
-        message = (
-            f"A field of {size_nT:.3g} nT is fixed to what turns, and no part of the earth's: it "
-            f"is solved for, and in the uncertainties.{stands} Look for iron on the table and in "
-            "the fixture, and mount the sensor on something that is not magnetic."
-        )
-        parts = zip(PLATFORM_AXES, magnetic.platform_nT, strict=True)
-        details: dict[str, object] = {"field_nT": size_nT}
-        details |= {f"{axis}_nT": float(value) for axis, value in parts}
-        yield Flag("field-disturbed", message, None, details)
-    if magnetic.wander_nT > 0.0:
-        message = (
-            f"The field differs from record to record by {magnetic.wander_nT:.2g} nT, more than "
-            "the magnetometer's noise; each record counts as that uncertain. Look for iron or "
-            "currents near the bench, and for a field that goes with the table's motor."
-        )
-        yield Flag("field-wanders", message, None, {"wander_nT": magnetic.wander_nT})
-
-
-def _implausible(estimates: Sequence[Estimate]) -> Iterator[Flag]:
-    """Yield a flag for each sensor whose scale factors deny the unit, sign or axis of an output."""
-    for name, most in MAX_FROM_ONE.items():
-        off = [
-            estimate
-            for estimate in estimates
-            if estimate.name == name
-            and estimate.value is not None
-            and abs(estimate.value - 1.0) > most
-        ]
-        if not off:
+    freedom = magnetic.freedom if math.isfinite(magnetic.freedom) else None
+    for name, axis, unit, value, slope in _of_matrix(magnetic.offset_nT, magnetic.gain):
+        if not magnetic.determines(slope):
+            yield from _unknown(name, (axis,), unit)
             continue
-        sensor = name.removesuffix("_scale_factor")
-        values = ", ".join(f"{estimate.axis} {estimate.value:.4g}" for estimate in off)
-        message = (
-            f"The {sensor} answers {values} times what is there: its unit, its sign or the order "
-            "of its axes is not as stated. Look at the columns and at how the sensor stood."
-        )
-        yield Flag("contradicts-statement", message, None, {"statement": "unit", "sensor": sensor})
+        u = float(np.sqrt(slope @ magnetic.covariance @ slope))
+        extra = frame if name == LEAN else {}
+        estimate = Estimate(name, axis, value, unit, u, freedom, METHOD, {}, extra)
+        yield estimate, magnetic.shares.of(slope)
+
+
+def _of_coil(coil: InCoil) -> Iterator[Shared]:
+    """Yield what the coil determines, as the gaussmeter lies."""
+    for name, axis, unit, value, slope in _of_matrix(coil.offset_nT, coil.gain):
+        row = AXES.index(axis[0])
+        by = {
+            OFFSET: {ZERO: float(np.linalg.norm(coil.gain[row]))},
+            SCALE: {GAIN: value},
+            LEAN: {ALIGNMENT: ARCSEC_PER_RAD},
+        }[name]
+        u, freedom = float(np.sqrt(slope @ coil.covariance @ slope)), float(coil.freedom[row])
+        extra = {"frame": "coil"} if name == LEAN else {}
+        yield Estimate(name, axis, value, unit, u, freedom, METHOD, by, extra), {}
+
+
+def _of_matrix(offset_nT: Array, gain: Array) -> Iterator[tuple[str, str, str, float, Array]]:
+    """Yield name, axis, unit and value of each result, and its derivatives (12,) by both."""
+    for name, axes, unit in OF_MAGNETOMETER:
+        for axis in axes:
+            i, j = AXES.index(axis[0]), AXES.index(axis[-1])
+            slope = np.zeros(12)
+            if name == OFFSET:
+                value, slope[i] = offset_nT[i], 1.0
+            elif name == SCALE:
+                value, slope[3 + 4 * i] = gain[i, i], 1.0
+            else:
+                value = ARCSEC_PER_RAD * gain[i, j] / gain[i, i]
+                slope[3 + 3 * i + j] = ARCSEC_PER_RAD / gain[i, i]
+                slope[3 + 4 * i] = -value / gain[i, i]
+            yield name, axis, unit, float(value), slope
+
+
+def with_rows(estimates: Sequence[Estimate], results: OtherResults) -> list[Estimate]:
+    """Return estimates whose type A uncertainty is that of noise alone, each prior an input."""
+    split = []
+    for estimate in estimates:
+        own = results.shares.get((estimate.name, estimate.axis))
+        if own is not None and any(own.values()):
+            priors = {name: size for name, size in own.items() if name != NOISE and size > 0.0}
+            by = {**estimate.sensitivities, **priors}
+            estimate = replace(estimate, standard_uncertainty=own[NOISE], sensitivities=by)
+        split.append(estimate)
+    return split
+
+
+def prior_rows(data: OtherAxes) -> Iterator[InputQuantity]:
+    """Yield the priors of the other six axes, each in units of its own standard uncertainty."""
+    field_nT, inclination = data.field_u_nT, data.inclination_u_rad
+    described = {
+        EDGE: "directions between axes, each stand",
+        SECOND_ORDER: f"second order of the accelerometers, {1e6 * data.second_order_u:.3g} ug/g^2",
+        DIRECTIONS: "directions of the stands, as the accelerometers or the priors give them",
+        MAGNITUDE: f"magnitude of the earth's field, {field_nT:.3g} nT",
+        INCLINATION: f"inclination of the earth's field, {math.degrees(inclination):.3g} deg",
+    }
+    for name, about in described.items():
+        yield InputQuantity(name, about, 1.0, "1", data.source)
 
 
 def _inputs(data: OtherAxes) -> Iterator[InputQuantity]:
@@ -334,35 +292,25 @@ def published(data: OtherAxes, orientations: Sequence[Orientation]) -> Iterator[
         tuple(np.round(orientation.up, 6)): orientation.force_g for orientation in orientations
     }
     for n, axis in enumerate(AXES):
-        up = tuple(np.eye(3)[n])
-        down = tuple(-np.eye(3)[n])
-        if up in means and down in means:
-            above, below = float(means[up][n]), float(means[down][n])
-            values = {
-                "accelerometer_bias": (above + below) / 2.0,
-                "accelerometer_scale_factor": (above - below) / (2.0 * data.gravity_g),
-            }
-            for name, value in values.items():
-                yield Published(name, axis, value, UNITS[name][1], "six-position")
-    samples = _field_samples(data)
+        up, down = (means.get(tuple(sign * np.eye(3)[n])) for sign in (1.0, -1.0))
+        if up is not None and down is not None:
+            bias, scale = (up[n] + down[n]) / 2.0, (up[n] - down[n]) / (2.0 * data.gravity_g)
+            yield Published("accelerometer_bias", axis, float(bias), "g", "six-position")
+            yield Published("accelerometer_scale_factor", axis, float(scale), "1", "six-position")
+    samples = np.vstack([np.zeros((0, 3)), *(own for _, _, own in data.records(FIELD))])
     if not len(samples):
         return
     high, low = np.nanmax(samples, axis=0), np.nanmin(samples, axis=0)
-    for n, axis in enumerate(AXES):
-        middle = float(high[n] + low[n]) / 2.0
-        yield Published("magnetometer_offset", axis, middle, "nT", "min-max")
-    if data.field_nT is not None:
-        for n, axis in enumerate(AXES):
-            scale = float(high[n] - low[n]) / (2.0 * data.field_nT)
-            yield Published("magnetometer_scale_factor", axis, scale, "1", "min-max")
-    fitted = ellipsoid(samples)
-    if fitted is None:
-        return
-    for n, axis in enumerate(AXES):
-        yield Published("magnetometer_offset", axis, float(fitted[0][n]), "nT", "ellipsoid")
-        if data.field_nT is not None:
-            scale = float(fitted[1][n, n]) / data.field_nT
-            yield Published("magnetometer_scale_factor", axis, scale, "1", "ellipsoid")
+    nearest = ellipsoid(samples)
+    of_method = {"min-max": ((high + low) / 2.0, (high - low) / 2.0)}
+    if nearest is not None:
+        of_method["ellipsoid"] = nearest[0], np.diag(nearest[1])
+    for method, (middle, size) in of_method.items():
+        for axis, value in zip(AXES, middle, strict=True):
+            yield Published(OFFSET, axis, float(value), "nT", method)
+        for axis, value in zip(AXES, size, strict=True):
+            if data.field_nT is not None:
+                yield Published(SCALE, axis, float(value) / data.field_nT, "1", method)
 
 
 def ellipsoid(samples: Array) -> tuple[Array, Array] | None:
@@ -389,8 +337,42 @@ def ellipsoid(samples: Array) -> tuple[Array, Array] | None:
     return size * middle, size * (vectors / np.sqrt(values)) @ vectors.T
 
 
-def _field_samples(data: OtherAxes) -> Array:
-    records = [r.field_nT for mounting in data.with_field for r in mounting.records]
-    records += [rest.field_nT for rest in data.rests]
-    there = [field_nT for field_nT in records if field_nT is not None]
-    return np.vstack(there) if there else np.zeros((0, 3))
+def other_sensors(others: OtherResults) -> dict[str, object]:
+    """Return what the calibration file holds of them: offsets, matrices, covariances, by sensor."""
+    data: dict[str, object] = {}
+    inertial, magnetic = others.inertial, others.magnetic
+    if inertial is not None:
+        own = [*range(9)]  # bias, scale factor and non-orthogonality stand first
+        names = [
+            *(f"bias {axis}" for axis in AXES),
+            *(f"scale_factor {axis}" for axis in AXES),
+            *(f"half_nonorthogonality {edge}" for edge in EDGES),
+        ]
+        gain = inertial.state[K][:, None] * shape_of(inertial.state)
+        data["accelerometers"] = {
+            "unit": "g",
+            "frame": "accelerometers",
+            "model": "output = bias + gain * force + second_order * force^2, gain = diag(scale "
+            "factors) * (1 + half of the non-orthogonality, in rad)",
+            "bias": inertial.state[B].tolist(),
+            "gain": gain.tolist(),
+            "inverse_gain": np.linalg.inv(gain).tolist(),
+            "second_order": inertial.state[K2].tolist() if inertial.second_order else None,
+            "covariance": {
+                "names": names,
+                "matrix": inertial.covariance[np.ix_(own, own)].tolist(),
+            },
+        }
+    if magnetic is not None and magnetic.whole:
+        names = [*(f"offset {axis}" for axis in AXES), *(f"gain {pair}" for pair in EVERY)]
+        data["magnetometer"] = {
+            "unit": "nT",
+            "frame": "mounting" if inertial is None else "accelerometers",
+            "model": "output = offset + gain * field",
+            "relative": magnetic.relative,
+            "offset": magnetic.offset_nT.tolist(),
+            "gain": magnetic.gain.tolist(),
+            "inverse_gain": np.linalg.inv(magnetic.gain).tolist(),
+            "covariance": {"names": names, "matrix": magnetic.covariance.tolist()},
+        }
+    return data

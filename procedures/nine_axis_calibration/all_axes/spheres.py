@@ -25,7 +25,7 @@ def spheres(others: OtherResults) -> Iterator[Plot]:
         size = others.recorded.gravity_g
         if len(read):
             yield _sphere("Accelerometers", "g", 1e3, "mg", read, corrected, size)
-    if others.magnetic is not None and all(map(others.magnetic.determines, np.eye(12))):
+    if others.magnetic is not None and others.magnetic.whole:
         read, corrected = fields(others.recorded, others.magnetic)
         size = others.magnetic.field_nT
         if len(read):
@@ -49,10 +49,13 @@ def fields(data: OtherAxes, magnetic: Magnetic) -> tuple[Array, Array]:
     of the turn, and lies within the sphere.
     """
     records = [rest.field_nT for rest in data.rests]
-    for mounting in data.with_field:
-        sizes = [abs(record.turn.commanded_deg_per_s) for record in mounting.records]
-        pairs = zip(sizes, mounting.records, strict=True)
-        records += [record.field_nT for size, record in pairs if size == min(sizes)]
+    for mounting in data.mountings:
+        slowest = min(abs(record.turn.commanded_deg_per_s) for record in mounting.records)
+        records += [
+            record.field_nT
+            for record in mounting.records
+            if abs(record.turn.commanded_deg_per_s) == slowest
+        ]
     read = np.vstack([record for record in records if record is not None])
     read = read[np.isfinite(read).all(axis=1)]
     return read, np.asarray(np.linalg.solve(magnetic.gain, (read - magnetic.offset_nT).T).T)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from procedures.nine_axis_calibration.dataset import TurnRecord
 from procedures.nine_axis_calibration.directions import up_of
 
 Array = NDArray[np.float64]
+FORCE, FIELD = "acceleration_g", "field_nT"
+"""The samples of accelerometers and magnetometer in a stand or a record of turns."""
 
 
 def direction(word: str) -> Array | None:
@@ -50,6 +53,9 @@ class Turned:
     turn: TurnRecord
     acceleration_g: Array | None
     field_nT: Array | None
+
+
+Record = TypeVar("Record", Rest, Turned)
 
 
 @dataclass(frozen=True)
@@ -96,20 +102,26 @@ class OtherAxes:
     coil: CoilRecord | None = None
     source: str = "the dataset's conditions"
 
-    @property
-    def with_acceleration(self) -> tuple[Mounted, ...]:
-        """The mountings in which accelerometers were recorded."""
-        return _with("acceleration_g", self.mountings)
+    def records(self, what: str) -> list[tuple[str, bool, Array]]:
+        """Return name, whether it turned, samples (n, 3) of each record of a sensor."""
+        every = [(rest.name, False, getattr(rest, what)) for rest in self.rests]
+        for mounting in self.mountings:
+            every += [(mounting.name, True, getattr(record, what)) for record in mounting.records]
+        return [record for record in every if record[2] is not None]
 
-    @property
-    def with_field(self) -> tuple[Mounted, ...]:
-        """The mountings in which the magnetometer was recorded."""
-        return _with("field_nT", self.mountings)
+    def with_records(self, what: str, samples: Sequence[Array]) -> OtherAxes:
+        """Return the data with other samples in the place of those of `records`."""
+        fresh = iter(samples)
 
+        def changed(record: Record) -> Record:
+            if getattr(record, what) is None:
+                return record
+            new: dict[str, Any] = {what: next(fresh)}
+            return replace(record, **new)
 
-def _with(what: str, mountings: Sequence[Mounted]) -> tuple[Mounted, ...]:
-    return tuple(
-        mounting
-        for mounting in mountings
-        if all(getattr(r, what) is not None for r in mounting.records)
-    )
+        rests = tuple(map(changed, self.rests))
+        mountings = tuple(
+            replace(mounting, records=tuple(map(changed, mounting.records)))
+            for mounting in self.mountings
+        )
+        return replace(self, rests=rests, mountings=mountings)

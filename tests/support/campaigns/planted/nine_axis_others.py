@@ -251,7 +251,7 @@ FAULTS = (
     _plant("gravity of another place, 0.3 %", ASKEW,
         lambda data: replace(data, gravity_g=1.003 * data.gravity_g), detectable=False),
     _plant("magnetometer X inverted", FIELDS, every(FIELD, _scaled(0, -1.0))),
-    _plant("magnetometer inverted", FIELDS, every(FIELD, lambda v: -v), detectable=False),
+    _plant("magnetometer inverted", FIELDS, every(FIELD, lambda v: -v)),
     _plant("magnetometer X and Y exchanged", FIELDS, every(FIELD, _columns(1, 0, 2))),
     _plant("magnetometer in uT", FIELDS, every(FIELD, lambda v: 1e-3 * v)),
     _plant("magnetometer in mG", FIELDS, every(FIELD, lambda v: 1e-2 * v)),
