@@ -16,19 +16,13 @@ from procedures.estimation.allan import (
     pooled_deviation,
 )
 from procedures.estimation.noise import grid_index
+from station.findings import FlagThresholds
 
 from .all_axes.inertial import Inertial
 from .attitude import PAIRS, BiasSolution, GyroGain, StaticMeans, solve_biases
-from .checks import denied_rotation, plausible, record_flags, statement_flags
-from .dataset import (
-    Array,
-    Mask,
-    NineAxisDataset,
-    Prior,
-    StaticRecord,
-    without_frozen,
-    without_saturated,
-)
+from .checks import denied_rotation, flags_of, plausible
+from .dataset import Array, Mask, NineAxisDataset, Prior, StaticRecord, screened
+from .directions import PoseLimits
 from .findings import (
     NineAxisAnalysis,
     StaticSummary,
@@ -36,24 +30,22 @@ from .findings import (
     published_values,
     scale_estimates,
 )
-from .flags import data_flags, frozen_flags, result_flags
 from .means import interval_of, means_of
 from .pose import check_together, earth_rate
 from .scale import ScaleSolution, solve_axis
-from .settings import AnalysisSettings
 from .turning import axis_means
-
-__all__ = ["AnalysisSettings", "NineAxisAnalysis", "analyse"]
 
 CONTRADICT = 0.999
 STANDS_STILL, SMALLEST_G = 1e-6, 1e-9
 UNFILTERED_S = 0.5
 """At shorter averaging times a sensor's own filter hides some of its white noise."""
+USUAL_THRESHOLDS, USUAL_LIMITS = FlagThresholds(), PoseLimits()
 
 
 def analyse(
     dataset: NineAxisDataset,
-    settings: AnalysisSettings | None = None,
+    thresholds: FlagThresholds = USUAL_THRESHOLDS,
+    limits: PoseLimits = USUAL_LIMITS,
     *,
     allan: bool = True,
     inertial: Inertial | None = None,
@@ -67,49 +59,36 @@ def analyse(
     Where the accelerometers are calibrated, `inertial`, they are read so: how each position leans
     is then known better than by its prior.
     """
-    settings = settings or AnalysisSettings()
     if inertial is not None:
         known = replace(dataset.prior, accelerometer_bias_g=inertial.bias_u_g)
         dataset = replace(dataset, prior=known)
-    clean, saturated, at_rest = without_saturated(dataset)
-    clean, *frozen = without_frozen(clean)
+    sound = screened(dataset)
+    clean, outlier = sound.dataset, thresholds.outlier
     horizontal = float(np.linalg.norm(earth_rate(dataset.latitude_deg)[:2]))
     turned = sorted({turn.axis for turn in dataset.turns})
     means = {
-        axis: axis_means(
-            [turn for turn in clean.turns if turn.axis == axis], settings.outlier, horizontal
-        )
+        axis: axis_means([turn for turn in clean.turns if turn.axis == axis], outlier, horizontal)
         for axis in turned
     }
     axes = {axis: solve_axis(means[axis], axis) for axis in turned}
     gain, gain_u = gain_matrix(axes)
     static, freedom, wander, rounding = _static(
-        clean, dataset.static, settings, allan=allan, inertial=inertial
+        clean, dataset.static, outlier, limits, allan=allan, inertial=inertial
     )
     rotation = denied_rotation(
-        static, dataset.latitude_deg, dataset.prior, np.diag(gain), settings.pose.acceleration_g
+        static, dataset.latitude_deg, dataset.prior, np.diag(gain), limits.acceleration_g
     )
     # Where the statement makes right positions look wrong no bias can be had from it.
     lost = rotation is not None and not all(summary.pose.right for summary in static)
-    usable = () if lost else static
-    bias = _biases(usable, dataset.latitude_deg, dataset.prior, gain, gain_u)
+    bias = None if lost else _biases(static, dataset.latitude_deg, dataset.prior, gain, gain_u)
     wider = _wider(bias)
-    published = published_values(dataset, turned)
-    estimates = (
-        *bias_estimates(bias, freedom, wider),
-        *scale_estimates(axes, means, dataset.prior, inertial),
-    )
-    flags = (
-        *frozen_flags(*frozen),
-        *data_flags(clean, static, means, saturated, at_rest, settings),
-        *statement_flags(rotation, dataset.latitude_deg, axes, means),
-        *record_flags(axes, means, rounding),
-        *result_flags(estimates, usable, bias, wander, wider, axes, published, settings),
-    )
-    return NineAxisAnalysis(
-        estimates=estimates,
-        published=published,
-        flags=flags,
+    analysis = NineAxisAnalysis(
+        estimates=(
+            *bias_estimates(bias, freedom, wider),
+            *scale_estimates(axes, means, dataset.prior, inertial),
+        ),
+        published=published_values(dataset, turned),
+        flags=(),
         static=static,
         bias=bias,
         axes=axes,
@@ -117,7 +96,12 @@ def analyse(
         gain=gain,
         gain_u=gain_u,
         noise=_noise(static, dataset) if allan else (None, None, None),
+        wander=wander,
+        rounding=rounding,
+        wider=wider,
     )
+    flags = flags_of(analysis, sound, rotation, lost=lost, thresholds=thresholds)
+    return replace(analysis, flags=flags)
 
 
 def gain_matrix(axes: Mapping[int, ScaleSolution | None]) -> tuple[Array, Array]:
@@ -134,7 +118,8 @@ def gain_matrix(axes: Mapping[int, ScaleSolution | None]) -> tuple[Array, Array]
 def _static(
     dataset: NineAxisDataset,
     as_recorded: Sequence[StaticRecord],
-    settings: AnalysisSettings,
+    outlier: float,
+    limits: PoseLimits,
     *,
     allan: bool,
     inertial: Inertial | None,
@@ -151,9 +136,9 @@ def _static(
     gyros, accelerometers = [], []
     for axis in range(3):
         rates = [record.rate_deg_per_h[:, axis] for record in records]
-        gyros.append(means_of(rates, times, interval_s, settings.outlier))
+        gyros.append(means_of(rates, times, interval_s, outlier))
         accelerations = [record.acceleration_g[:, axis] for record in records]
-        means = means_of(accelerations, times, interval_s, settings.outlier)
+        means = means_of(accelerations, times, interval_s, outlier)
         u, bias_g = means.standard_uncertainty, dataset.prior.accelerometer_bias_g
         # Output that stands still in its steps is no surer than the bias.
         sure = np.where(u > STANDS_STILL * bias_g, u, np.maximum(bias_g, SMALLEST_G))
@@ -170,7 +155,7 @@ def _static(
         np.nan_to_num(gyro_u),
         acceleration,
         dataset.latitude_deg,
-        settings.pose,
+        limits,
     )
     summaries = []
     for n, record in enumerate(records):

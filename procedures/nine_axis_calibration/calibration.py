@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.common.constants import ARCSEC_PER_RAD
+
 from .all_axes.results import other_sensors
 from .dataset import AXES, Array
 from .findings import (
-    ARCSEC_PER_RAD,
     ASYMMETRY,
     BIAS,
     FRAME,

@@ -1,26 +1,28 @@
-"""Whether the data agree with what is stated of them, and each record with the others."""
+"""What the reader must know of the data and their analysis: one flag a sentence."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
 
-from procedures.common.constants import EARTH_RATE_DEG_PER_H
-from station.findings import Flag, contradiction
+from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
+from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
+from station.findings import Flag, FlagThresholds, contradiction
 
-from .dataset import AXES, Array, Mask, Prior
-from .findings import StaticSummary
-from .pose import ATTITUDES
-from .scale import ScaleSolution
-from .turning import AxisMeans
+from .dataset import AXES, Array, Mask, Prior, Screened
+from .findings import ASYMMETRY, BIAS, MISALIGNMENT, NONLINEARITY, NineAxisAnalysis, StaticSummary
+from .means import interval_of
+from .pose import ATTITUDES, PUBLISHED
 
+FEWEST_RATES = 5
+RATE_DIFFERS = 0.01
 STATED_GAIN = 0.05
 """No gyro whose output is in deg/s is further from 1 than that."""
-UNITS = {
+TURNING = {
     "is in rad/s": np.pi / 180.0,
     "is in deg/h": 3600.0,
     "has the wrong sign": -1.0,
@@ -46,11 +48,6 @@ MAX_LEAN_RAD = 0.02
 """About one degree, 200 ppm of the scale factor: more is no misalignment but a wrong mounting."""
 
 
-def plausible(gain: Array) -> Mask:
-    """Return which gains can be those of gyros whose output has the unit that it should have."""
-    return np.asarray(np.abs(gain - 1.0) < STATED_GAIN)
-
-
 @dataclass(frozen=True)
 class Rotation:
     """The earth's rotation as the gyros at rest measure it by themselves."""
@@ -59,6 +56,11 @@ class Rotation:
     latitude_u_deg: float
     size_deg_per_h: float
     size_u_deg_per_h: float
+
+
+def plausible(gain: Array) -> Mask:
+    """Return which gains can be those of gyros whose output has the unit that it should have."""
+    return np.asarray(np.abs(gain - 1.0) < STATED_GAIN)
 
 
 def denied_rotation(
@@ -106,90 +108,188 @@ def denied_rotation(
     along = solved[3:] / max(whole, 1e-9)
     size_u = float(np.sqrt(along @ covariance @ along))
     lean = np.array([-east * up, -north * up, across**2]) / max(across * whole**2, 1e-9)
-    rotation = Rotation(
-        float(np.degrees(np.arctan2(up, across))),
-        float(np.degrees(np.sqrt(lean @ covariance @ lean))),
-        whole,
-        size_u,
-    )
+    measured_deg = float(np.degrees(np.arctan2(up, across)))
+    u_deg = float(np.degrees(np.sqrt(lean @ covariance @ lean)))
     same = abs(whole - EARTH_RATE_DEG_PER_H) <= DENIED_SIGMAS * size_u
-    near = abs(rotation.latitude_deg - latitude_deg) <= DENIED_SIGMAS * rotation.latitude_u_deg
-    return None if same and near else rotation
+    near = abs(measured_deg - latitude_deg) <= DENIED_SIGMAS * u_deg
+    return None if same and near else Rotation(measured_deg, u_deg, whole, size_u)
 
 
-def statement_flags(
+def flags_of(
+    analysis: NineAxisAnalysis,
+    screened: Screened,
     rotation: Rotation | None,
-    latitude_deg: float,
-    axes: Mapping[int, ScaleSolution | None],
-    means: Mapping[int, AxisMeans],
-) -> list[Flag]:
-    """Return the flags of data that deny the stated latitude, unit, sign or axis."""
-    flags = []
-    if rotation is not None:
-        flags.append(_of_rotation(rotation, latitude_deg))
-    for axis, solution in axes.items():
-        turned = means[axis]
-        flags += _askew(axis, turned, solution)
-        gains = turned.output[:, axis] / turned.rate
-        gains = gains[np.isfinite(gains)]
-        scale = solution.scale_factor.value if solution is not None else None
-        if scale is None and len(gains):
-            scale = float(np.median(gains))
-        if scale is None or bool(plausible(np.array([scale, *gains])).all()):
-            continue
-        worst = float(gains[np.argmax(np.abs(gains - 1.0))]) if len(gains) else scale
-        near = {text: abs(worst - ratio) / max(abs(ratio), 1) for text, ratio in UNITS.items()}
-        likely = sorted((text for text in near if near[text] <= LIKE), key=near.__getitem__)
-        what = likely[0] if likely else "has another unit, sign or axis"
-        text = (
-            f"Gyro {AXES[axis]} answers {worst + 0.0:.4g} of the table's rate, but its output is "
-            f"stated in deg/s: likely it {what} in some record or in all. Correct the column "
-            "and analyse again."
-        )
-        flags.append(contradiction("rate_deg_per_s", text, AXES[axis], ratio=worst))
-    return flags
-
-
-def _askew(axis: int, means: AxisMeans, solution: ScaleSolution | None) -> list[Flag]:
-    """Return the flag of a sensor that does not turn about the axis that it is stated to."""
-    lean, u = means.lean_rad
-    seen = [lean] if lean > DENIED_SIGMAS * u else []
-    if solution is not None:
-        seen += [
-            abs(cross.value / solution.scale_factor.value) for cross in solution.cross.values()
-        ]
-    if not seen or max(seen) <= MAX_LEAN_RAD or max(seen) > 1.0:
-        return []
-    lean = max(seen)
-    text = (
-        f"{AXES[axis]} does not turn about the table's axis: by the gyros it leans by "
-        f"{np.degrees(lean):.2g} deg, which alone makes its scale factor {5e5 * lean**2:.2g} ppm "
-        "too small. Mount the sensor straight and turn it again."
+    *,
+    lost: bool,
+    thresholds: FlagThresholds,
+) -> tuple[Flag, ...]:
+    """Return all flags; `lost` says that no position could be used though there were some."""
+    usable = () if lost else analysis.static
+    return (
+        *_screened(screened),
+        *_outliers(analysis, screened),
+        *_gaps(screened, thresholds.gap),
+        *_table(analysis),
+        *_statements(analysis, rotation, screened.dataset.latitude_deg),
+        *_disturbed(analysis),
+        *_positions(usable),
+        *_biases(analysis, usable),
+        *_noise(analysis, thresholds.not_significant),
+        *_undetermined(analysis),
     )
-    return [contradiction("axis", text, AXES[axis], lean_deg=float(np.degrees(lean)))]
+
+
+def _screened(screened: Screened) -> Iterator[Flag]:
+    """Yield the flags of samples that measured nothing: repeated ones, and saturated ones."""
+    at_rest, turning = screened.frozen
+    if at_rest + turning:
+        extent = f"{counted(at_rest, 'sample')} at rest and {turning} turning"
+        details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
+        yield frozen("The output", extent, "the sensor", "They are left out.", details)
+    for axis, name in enumerate(AXES):
+        own = [(rate, count) for where, rate, count in screened.saturated if where == axis]
+        if own:
+            rates, count = _by_size(rate for rate, _ in own), sum(count for _, count in own)
+            text = (
+                f"Saturated: {counted(count, 'sample')} of gyro {name} at {_listed(rates)} deg/s; "
+                "they are left out, and whole records that hold more than a few."
+            )
+            yield Flag("overload", text, name, {"count": count, "rates": rates})
+    if screened.saturated_at_rest:
+        count = screened.saturated_at_rest
+        text = f"Saturated: {counted(count, 'sample')} at rest; they are left out."
+        yield Flag("overload", text, None, {"count": count})
+
+
+def _outliers(analysis: NineAxisAnalysis, screened: Screened) -> Iterator[Flag]:
+    for axis, name in enumerate(AXES):
+        at_rest = sum(
+            int(np.sum(np.isfinite(record.rate_deg_per_h[:, axis]) & ~summary.kept[:, axis]))
+            for record, summary in zip(screened.dataset.static, analysis.static, strict=True)
+        )
+        turning, means = 0, analysis.means.get(axis)
+        if means is not None:
+            own = [turn for turn in screened.dataset.turns if turn.axis == axis]
+            turning = sum(
+                int(np.sum(np.isfinite(record.rate_deg_per_s[:, axis]) & ~kept)) - unsteady
+                for record, kept, unsteady in zip(own, means.kept, means.unsteady, strict=True)
+                if bool(kept.any())
+            )
+        if at_rest + turning:
+            text = (
+                f"Left out, for they lie far from the others: {counted(at_rest, 'sample')} of gyro "
+                f"{name} at rest and {turning} of it turning."
+            )
+            details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
+            yield Flag("outliers-rejected", text, name, details)
+
+
+def _gaps(screened: Screened, wider: float) -> list[Flag]:
+    gaps, nominal_s = Gaps(), 0.0
+    for records in (screened.dataset.static, screened.dataset.turns):
+        times = [record.time_s for record in records]
+        nominal_s = interval_of(times)
+        gaps = sum((gaps_of(time_s, nominal_s, wider) for time_s in times), gaps)
+    return gaps.flags("The records have", nominal_s, "the means do not mind")
+
+
+def _table(analysis: NineAxisAnalysis) -> Iterator[Flag]:
+    """Yield the flags of what the table did: part turns, few or wrong rates, its encoder."""
+    for axis, means in analysis.means.items():
+        name = AXES[axis]
+        if rates := _by_size(np.abs(means.commanded[means.part])):
+            text = (
+                f"{name} did not turn whole turns at {_listed(rates)} deg/s; the part of the "
+                "earth's rotation that this leaves in the means is solved for and taken off."
+            )
+            yield Flag("part-turns", text, name, {"count": len(rates), "rates": rates})
+        if (count := len(np.unique(np.abs(means.commanded)))) < FEWEST_RATES:
+            text = f"{name} was turned at {count} rates; the method is published for five and more."
+            yield Flag("outside-published-range", text, name, {"count": count})
+        off = np.nan_to_num(means.rate / means.commanded - 1.0)
+        worst = int(np.argmax(np.abs(off)))
+        if abs(off[worst]) > RATE_DIFFERS:
+            text = (
+                f"At {means.commanded[worst]:g} deg/s the encoder of {name} says "
+                f"{means.rate[worst]:.5g} deg/s; the result uses the encoder."
+            )
+            details = {"relative_difference": float(off[worst])}
+            yield Flag("rate-differs-from-commanded", text, name, details)
+        if count := means.wild_readings:
+            text = (
+                f"Left out, for they do not fit the turn: {counted(count, 'reading')} of the "
+                f"table's angle with {name} up."
+            )
+            yield Flag("outliers-rejected", text, name, {"count": count, "what": "encoder"})
+        if rates := _by_size(means.commanded[np.array(means.unsteady) > 0]):
+            count = sum(means.unsteady)
+            text = (
+                "Left out, for by its encoder the table was not at its rate: "
+                f"{counted(count, 'sample')} of {name} at {_listed(rates)} deg/s. Spin-up and "
+                "braking belong into no record."
+            )
+            yield Flag("unsteady-rate", text, name, {"count": count, "rates": rates})
+        solution = analysis.axes[axis]
+        if solution is not None and solution.one_sense:
+            rates = [*solution.one_sense]
+            text = (
+                f"{name} has no usable record at {_listed(rates)} deg/s in one sense or in both; "
+                "these rates are left out."
+            )
+            yield Flag("one-sense-only", text, name, {"count": len(rates), "rates": rates})
+
+
+def _statements(
+    analysis: NineAxisAnalysis, rotation: Rotation | None, latitude_deg: float
+) -> Iterator[Flag]:
+    """Yield the flags of data that deny the stated latitude, unit, sign or axis."""
+    if rotation is not None:
+        yield _of_rotation(rotation, latitude_deg)
+    for axis, means in analysis.means.items():
+        name, solution = AXES[axis], analysis.axes[axis]
+        lean, u = means.lean_rad
+        leans = [lean] if lean > DENIED_SIGMAS * u else []
+        gains = means.output[:, axis] / means.rate
+        gains = gains[np.isfinite(gains)]
+        if solution is not None:
+            scale = solution.scale_factor.value
+            leans += [abs(cross.value / scale) for cross in solution.cross.values()]
+            gains = np.append(gains, scale)
+        if leans and MAX_LEAN_RAD < (lean := max(leans)) <= 1.0:
+            text = (
+                f"{name} does not turn about the table's axis: by the gyros it leans by "
+                f"{np.degrees(lean):.2g} deg, which alone makes its scale factor "
+                f"{5e5 * lean**2:.2g} ppm too small. Mount the sensor straight and turn it again."
+            )
+            yield contradiction("axis", text, name, lean_deg=float(np.degrees(lean)))
+        if not bool(plausible(gains).all()):
+            worst = float(gains[np.argmax(np.abs(gains - 1.0))])
+            likely = _likely(worst, TURNING, 1.0) or "has another unit, sign or axis"
+            text = (
+                f"Gyro {name} answers {worst + 0.0:.4g} of the table's rate, but its output is "
+                f"stated in deg/s: likely it {likely} in some record or in all. Correct the column "
+                "and analyse again."
+            )
+            yield contradiction("rate_deg_per_s", text, name, ratio=worst)
 
 
 def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
-    ratio = rotation.size_deg_per_h / EARTH_RATE_DEG_PER_H
     details: dict[str, Any] = {
         "latitude_deg": rotation.latitude_deg,
         "rotation_deg_per_h": rotation.size_deg_per_h,
     }
-    if abs(ratio - 1.0) * EARTH_RATE_DEG_PER_H <= DENIED_SIGMAS * rotation.size_u_deg_per_h:
+    off_deg_per_h = abs(rotation.size_deg_per_h - EARTH_RATE_DEG_PER_H)
+    if off_deg_per_h <= DENIED_SIGMAS * rotation.size_u_deg_per_h:
         text = (
             f"By the gyros the latitude is {rotation.latitude_deg:.2f} deg (u = "
             f"{rotation.latitude_u_deg:.2g} deg), where {latitude_deg:g} deg is stated. Check its "
             "sign and its minutes, then analyse again."
         )
         return contradiction("latitude", text, **details)
-    likely = [
-        text for text, known in AT_REST.items() if abs(ratio - known) <= LIKE * max(known, 1e-5)
-    ]
-    if abs(ratio) < 1e-6:
-        likely = ["have the earth's rotation taken off"]
-    cause = f"the rates {likely[0] if likely else 'have another unit or scale than turning'}. "
+    likely = _likely(rotation.size_deg_per_h / EARTH_RATE_DEG_PER_H, AT_REST, 1e-5)
+    cause = f"the rates {likely or 'have another unit or scale than turning'}. "
     cause += "Correct the columns and analyse again."
-    if not likely and abs(ratio - 1.0) < NEARLY_EARTH:
+    if not likely and off_deg_per_h < NEARLY_EARTH * EARTH_RATE_DEG_PER_H:
         cause = "a bias changed between the positions, or a gyro's scale is not the same at rest. "
         cause += "Measure the positions again, one shortly after the other."
     text = (
@@ -200,48 +300,43 @@ def _of_rotation(rotation: Rotation, latitude_deg: float) -> Flag:
     return contradiction("earth-rate", text, **details)
 
 
-def record_flags(
-    axes: Mapping[int, ScaleSolution | None], means: Mapping[int, AxisMeans], rounding: Array
-) -> list[Flag]:
-    """Return the flags of records that contradict the others, change within, or are coarse.
+def _likely(ratio: float, known: Mapping[str, float], least: float) -> str:
+    """Return what a ratio to the stated unit means, nothing where it is like none that is known."""
+    near = {what: abs(ratio - other) / max(abs(other), least) for what, other in known.items()}
+    what = min(near, key=near.__getitem__)
+    return what if near[what] <= LIKE else ""
 
-    `rounding` (3,) is what the output's steps add to a mean at rest, in deg/h.
-    """
-    flags = []
+
+def _disturbed(analysis: NineAxisAnalysis) -> Iterator[Flag]:
+    """Yield the flags of records that contradict the others, change within, or are coarse."""
     for axis, name in enumerate(AXES):
-        solution, turned = axes.get(axis), means.get(axis)
-        turning = turned.rounding if turned is not None else 0.0
-        if turning > 0.0 or rounding[axis] > 0.0:
+        means, solution = analysis.means.get(axis), analysis.axes.get(axis)
+        at_rest = float(analysis.rounding[axis])
+        turning = means.rounding if means is not None else 0.0
+        if turning > 0.0 or at_rest > 0.0:
             text = (
                 f"The output of gyro {name} has steps larger than its noise: a mean may be off by "
-                f"{rounding[axis]:.2g} deg/h at rest and {turning:.2g} deg/s turning, which is in "
-                "the uncertainties. Record with more digits."
+                f"{at_rest:.2g} deg/h at rest and {turning:.2g} deg/s turning, which is in the "
+                "uncertainties. Record with more digits."
             )
-            flags.append(Flag("coarse-output", text, name))
-        if turned is None:
-            continue
-        if turned.graduation_deg > 0.0:
+            yield Flag("coarse-output", text, name)
+        if means is not None and means.graduation_deg > 0.0:
             text = (
                 f"With {name} up the table's angle departs from even turns by "
-                f"{turned.graduation_deg:.2g} deg once or twice a turn, and the gyro does not feel "
+                f"{means.graduation_deg:.2g} deg once or twice a turn, and the gyro does not feel "
                 "it: it is the encoder's graduation and is taken off. Have the encoder looked at."
             )
-            details: dict[str, object] = {"what": "encoder", "amplitude_deg": turned.graduation_deg}
-            flags.append(Flag("misfit", text, name, details))
-        rates = [
-            float(rate)
-            for rate, size in zip(turned.commanded, turned.restless, strict=True)
-            if size
-        ]
-        if rates:
-            listed = ", ".join(f"{rate:g}" for rate in rates)
+            details: dict[str, object] = {"what": "encoder", "amplitude_deg": means.graduation_deg}
+            yield Flag("misfit", text, name, details)
+        if means is not None and any(means.restless):
+            rates = means.commanded[np.array(means.restless) > 0.0].tolist()
             text = (
-                f"Gyro {name} changed within its records at {listed} deg/s by more than noise: a "
-                "step, a drift, or a rate not yet settled. The change is in the uncertainties; "
-                "wait longer before the record, and look for shocks and warm-up."
+                f"Gyro {name} changed within its records at {', '.join(f'{r:g}' for r in rates)} "
+                "deg/s by more than noise: a step, a drift, or a rate not yet settled. The change "
+                "is in the uncertainties; wait longer before the record, and look for shocks and "
+                "warm-up."
             )
-            details = {"what": "within", "rates": rates}
-            flags.append(Flag("misfit", text, name, details))
+            yield Flag("misfit", text, name, {"what": "within", "rates": rates})
         if solution is not None and solution.uneven_deg_per_s > 0.0:
             text = (
                 f"What gyro {name} reads in both senses does not grow evenly with the rate, by "
@@ -250,5 +345,96 @@ def record_flags(
                 "another axis. The uncertainties are widened; measure that rate again."
             )
             details = {"what": "senses", "rates": [solution.worst_rate]}
-            flags.append(Flag("misfit", text, name, details))
-    return flags
+            yield Flag("misfit", text, name, details)
+
+
+def _positions(static: Sequence[StaticSummary]) -> Iterator[Flag]:
+    for summary in static:
+        if not summary.pose.right:
+            text = (
+                f"The sensor did not stand as in position {summary.position}: {summary.pose.seems}"
+                "; the record is left out of the best estimate. Look at how it stood, and at the "
+                "columns of gyros and accelerometers: their order, signs and units."
+            )
+            yield Flag("wrong-position", text, None, {"position": int(summary.position)})
+    there = {summary.position for summary in static}
+    for position in PUBLISHED:
+        if static and position not in there:
+            text = (
+                f"Position {position} was not recorded: the published mean of the axis that faces "
+                "east there is missing, the best estimate takes the other positions."
+            )
+            yield Flag("position-missing", text, None, {"position": position})
+
+
+def _biases(analysis: NineAxisAnalysis, static: Sequence[StaticSummary]) -> Iterator[Flag]:
+    bias = analysis.bias
+    if bias is not None and not bias.heading_used and len({s.position for s in static}) > 1:
+        heading_arcmin = bias.heading_rad * ARCMIN_PER_RAD
+        text = (
+            f"By the gyros the plate's heading is {heading_arcmin:.1f} arcmin off, beyond its "
+            "prior; the biases are solved without that prior."
+        )
+        yield Flag("heading-differs-from-prior", text, None, {"heading_arcmin": heading_arcmin})
+    if analysis.wider > 1.0:
+        text = (
+            "The static means contradict each other beyond their uncertainties, which are "
+            f"multiplied by {analysis.wider:.2g}: a bias changed between the positions, or the "
+            "sensor stood less well than the priors say."
+        )
+        yield Flag("positions-disagree", text, None, {"factor": analysis.wider})
+    for name, wander in zip(AXES, analysis.wander.tolist(), strict=True):
+        if wander > 0.0:
+            text = (
+                f"The bias of gyro {name} wanders by {wander:.2g} deg/h at rest; that is in its "
+                "uncertainty. Longer records do not help."
+            )
+            yield Flag("bias-wanders", text, name, {"wander_deg_per_h": wander})
+
+
+def _noise(analysis: NineAxisAnalysis, significant: float) -> Iterator[Flag]:
+    agree = {AXES[axis]: solution and solution.agree for axis, solution in analysis.axes.items()}
+    for estimate in analysis.estimates:
+        if estimate.name not in {ASYMMETRY, NONLINEARITY} or estimate.value is None:
+            continue
+        u = estimate.standard_uncertainty or 0.0
+        alike = estimate.name == NONLINEARITY and agree[str(estimate.axis)]
+        if alike or abs(estimate.value) < significant * u:
+            text = (
+                f"The {estimate.name} of {estimate.axis}, {estimate.value:.3g} ppm with u = "
+                f"{u:.2g} ppm, cannot be distinguished from noise."
+            )
+            yield Flag("not-significant", text, estimate.axis, {"name": estimate.name})
+
+
+def _undetermined(analysis: NineAxisAnalysis) -> Iterator[Flag]:
+    names = [f"{entry.name} {entry.axis}" for entry in analysis.estimates if entry.value is None]
+    cross = [name for name in names if name.startswith(MISALIGNMENT)]
+    other = [name for name in names if name not in cross]
+    if cross:
+        text = (
+            f"The data do not determine {', '.join(cross)}: the other gyros were not recorded "
+            "there, or their output never changed."
+        )
+        yield not_identifiable(text, cross, count=len(cross))
+    if other:
+        text = f"The data do not determine {', '.join(other)}."
+        if any(name.startswith(BIAS) for name in other):
+            text += " No static record was usable."
+        yield not_identifiable(text, other, count=len(other))
+    silent = [f"{entry.name} {entry.axis}" for entry in analysis.published if entry.value is None]
+    if silent:
+        text = f"The published rule has no data for {', '.join(silent)}."
+        which = {"count": len(silent), "coefficients": silent}
+        yield Flag("published-rule-without-data", text, None, which)
+
+
+def _by_size(rates: Iterable[float]) -> list[float]:
+    """Return rates, each once, the slowest first and of each the positive sense."""
+    return sorted(map(float, set(rates)), key=lambda rate: (abs(rate), -rate))
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Return numbers in words: 1, 5 and 10."""
+    texts = [f"{value:g}" for value in values]
+    return " and ".join([", ".join(texts[:-1]), texts[-1]]) if len(texts) > 1 else texts[0]

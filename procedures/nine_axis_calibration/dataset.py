@@ -90,143 +90,108 @@ class NineAxisDataset:
 
 
 @dataclass(frozen=True)
-class Saturated:
-    """Saturated samples of one turned axis at one rate; `whole` when the record is left out."""
+class Screened:
+    """The dataset without samples that measured nothing, NaN in their place, and how many.
 
-    axis: int
-    commanded_deg_per_s: float
-    count: int
-    whole: bool
+    `saturated` holds axis, rate and number of each record on the table, `frozen` the samples at
+    rest and turning that repeat others.
+    """
+
+    dataset: NineAxisDataset
+    saturated: tuple[tuple[int, float, int], ...]
+    saturated_at_rest: int
+    frozen: tuple[int, int]
 
 
-def without_saturated(
-    dataset: NineAxisDataset,
-) -> tuple[NineAxisDataset, tuple[Saturated, ...], int]:
-    """Return the dataset without saturated samples, which ones those were, and how many at rest.
+def screened(dataset: NineAxisDataset) -> Screened:
+    """Return what measured something.
 
     A record of which more than a hundredth is saturated is left out: what is cut off at one end
     makes the mean of the others wrong. Where the range is not known, output that stands still at
-    its largest value, and does not at slower rates, counts as saturated.
+    its largest value, and does not at slower rates, counts as saturated. A stretch of ten samples
+    that was there before, a value that stands still or a copy from elsewhere, measured nothing. Of
+    a gyro's record that mostly repeats nothing counts.
     """
-    range_deg_per_s = dataset.largest_rate_deg_per_s
-    saturated: list[Saturated] = []
-    turns = []
+    limit = np.inf if dataset.largest_rate_deg_per_s is None else dataset.largest_rate_deg_per_s
+    limit *= AT_THE_END
+    axes = [record.axis for record in dataset.turns]
+    saturated, spun = [], []
     for record in dataset.turns:
-        rate = record.rate_deg_per_s
-        own = rate[:, record.axis]
-        over = _beyond(rate, range_deg_per_s)
-        if not bool(over[:, record.axis].any()) and _stands_still(own, record, dataset.turns):
-            over[:, record.axis] = True
-        count = int(over[:, record.axis].sum())
-        if bool(over.any()):
-            whole = over.mean(axis=0) > MAX_OF_A_RECORD
-            over[:, whole] = True
-            record = replace(record, rate_deg_per_s=np.where(over, np.nan, rate))
-            if count:
-                saturated.append(
-                    Saturated(
-                        record.axis, record.commanded_deg_per_s, count, bool(whole[record.axis])
-                    )
-                )
-        turns.append(record)
-    static, at_rest = [], 0
-    for still in dataset.static:
-        over = _beyond(still.rate_deg_per_h / 3600.0, range_deg_per_s)
-        at_rest += int(over.sum())
-        if bool(over.any()):
-            still = replace(still, rate_deg_per_h=np.where(over, np.nan, still.rate_deg_per_h))
-        static.append(still)
-    return replace(dataset, static=tuple(static), turns=tuple(turns)), tuple(saturated), at_rest
+        over = np.abs(record.rate_deg_per_s) >= limit
+        own = over[:, record.axis]
+        if not bool(own.any()):
+            own[:] = _stands_still(record, dataset.turns)
+        if count := int(own.sum()):
+            saturated.append((record.axis, record.commanded_deg_per_s, count))
+        over[:, over.mean(axis=0) > MAX_OF_A_RECORD] = True
+        spun.append(np.where(over, np.nan, record.rate_deg_per_s))
+    over_at_rest = [np.abs(record.rate_deg_per_h) / 3600.0 >= limit for record in dataset.static]
+    still = [
+        np.where(over, np.nan, record.rate_deg_per_h)
+        for over, record in zip(over_at_rest, dataset.static, strict=True)
+    ]
+    felt = [record.acceleration_g for record in dataset.static]
+    still, at_rest = _without_repeats(still, [0] * len(still))
+    felt, also = _without_repeats(felt, [0] * len(felt), most=1.0)
+    spun, turning = _without_repeats(spun, axes, dead=True)
+    sound = replace(
+        dataset,
+        static=tuple(
+            replace(record, rate_deg_per_h=rate, acceleration_g=force)
+            for record, rate, force in zip(dataset.static, still, felt, strict=True)
+        ),
+        turns=tuple(
+            replace(record, rate_deg_per_s=rate)
+            for record, rate in zip(dataset.turns, spun, strict=True)
+        ),
+    )
+    beyond = sum(int(own.sum()) for own in over_at_rest)
+    return Screened(sound, tuple(saturated), beyond, (max(at_rest, also), turning))
 
 
-def _beyond(rate: Array, range_deg_per_s: float | None) -> Mask:
-    if range_deg_per_s is None:
-        return np.zeros(rate.shape, dtype=bool)
-    return np.asarray(np.abs(rate) >= AT_THE_END * range_deg_per_s)
-
-
-def _stands_still(own: Array, record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
+def _stands_still(record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
     """Return whether output stands at its largest value as it never does at slower rates."""
     slower = [
-        turn.rate_deg_per_s[:, turn.axis]
+        own
         for turn in turns
         if turn.axis == record.axis
         and abs(turn.commanded_deg_per_s) < abs(record.commanded_deg_per_s)
-        and np.isfinite(turn.rate_deg_per_s[:, turn.axis]).any()
+        and np.isfinite(own := turn.rate_deg_per_s[:, turn.axis]).any()
     ]
-    return stands_at_top(own, slower)
-
-
-def without_frozen(dataset: NineAxisDataset) -> tuple[NineAxisDataset, int, int]:
-    """Return the dataset without samples that repeat others, and how many at rest and turning.
-
-    A stretch of ten samples that was there before, a value that stands still or a copy from
-    elsewhere, measured nothing. Of a gyro's record that mostly repeats nothing counts.
-    """
-    still, at_rest = _without_repeats(
-        [record.rate_deg_per_h for record in dataset.static], dead=False
-    )
-    sensed, also = _without_repeats([record.acceleration_g for record in dataset.static], most=1.0)
-    axes = [record.axis for record in dataset.turns]
-    spun, turning = _without_repeats([record.rate_deg_per_s for record in dataset.turns], axes)
-    static = tuple(
-        replace(record, rate_deg_per_h=rate, acceleration_g=force)
-        for record, rate, force in zip(dataset.static, still, sensed, strict=True)
-    )
-    turns = tuple(
-        replace(record, rate_deg_per_s=rate)
-        for record, rate in zip(dataset.turns, spun, strict=True)
-    )
-    return replace(dataset, static=static, turns=turns), max(at_rest, also), turning
+    return stands_at_top(record.rate_deg_per_s[:, record.axis], slower)
 
 
 def _without_repeats(
     records: Sequence[Array],
-    sorts: Sequence[int] = (),
+    sorts: Sequence[int],
     most: float = MOSTLY,
     *,
-    dead: bool = True,
+    dead: bool = False,
 ) -> tuple[list[Array], int]:
     """Return records (n, 3) with NaN in the place of repeats, and how many samples hold one.
 
-    A channel that is so coarse that its neighbours often are alike is left as it is; that is judged
-    by the records of one of the `sorts`. With `dead`, one that has a single value in all of them,
-    though the sensor was turned between them, counts as repeats.
+    A channel that is so coarse that its neighbours often are alike is left as it is, unless it is
+    `dead` and never changes, though the sensor was turned; that is judged by the records of one of
+    the `sorts`. Of a record that repeats in more than the part `most` nothing is left.
     """
-    sorts = sorts or [0] * len(records)
-    fine = {
-        (sort, channel)
-        for sort in set(sorts)
-        for channel in range(3)
-        if _usually_new([r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort])
-        > ALWAYS_NEW
-    }
-    copies = [record.copy() for record in records]
+    fine = set()
+    for sort in set(sorts):
+        for channel in range(3):
+            own = [r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort]
+            if _usually_new(own) > ALWAYS_NEW or (dead and len(own) > 1 and _never_changes(own)):
+                fine.add((sort, channel))
     places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
     repeated = [np.zeros(record.shape, dtype=bool) for record in records]
     again = repeated_windows([records[n][:, c] for n, c in places])
-    for (n, c), own in zip(places, again, strict=True):
-        repeated[n][:, c] = np.isfinite(records[n][:, c]) if own.mean() > most else own
-    for sort in set(sorts) if dead else ():
-        own_places = [n for n, other in enumerate(sorts) if other == sort]
-        for channel in np.flatnonzero(_dead([records[n] for n in own_places])).tolist():
-            for n in own_places:
-                repeated[n][:, channel] = np.isfinite(records[n][:, channel])
-    for copy, own in zip(copies, repeated, strict=True):
-        copy[own] = np.nan
-    return copies, sum(int(repeats.any(axis=1).sum()) for repeats in repeated)
+    for (n, c), mask in zip(places, again, strict=True):
+        repeated[n][:, c] = np.isfinite(records[n][:, c]) if mask.mean() > most else mask
+    sound = [np.where(own, np.nan, r) for own, r in zip(repeated, records, strict=True)]
+    return sound, sum(int(own.any(axis=1).sum()) for own in repeated)
 
 
-def _dead(records: Sequence[Array]) -> Mask:
-    """Return which channels (3,) have one value alone in ten and more samples of two records."""
-    if len(records) < 2:
-        return np.zeros(3, dtype=bool)
-    together = np.vstack(records)
-    finite = np.isfinite(together)
-    many = finite.sum(axis=0) >= IN_A_ROW
-    highest = np.max(together, axis=0, initial=-np.inf, where=finite)
-    lowest = np.min(together, axis=0, initial=np.inf, where=finite)
-    return np.asarray(many & (highest == lowest))
+def _never_changes(columns: Sequence[Array]) -> bool:
+    together = np.concatenate(columns)
+    return len(np.unique(together[np.isfinite(together)])) == 1
 
 
 def _usually_new(columns: Sequence[Array]) -> float:

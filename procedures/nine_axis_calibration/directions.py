@@ -4,9 +4,23 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 
 AXES = ("X", "Y", "Z")
 DIRECTION = re.compile(r"[+-]?[XYZ](?:[+-][XYZ]){0,2}")
+
+
+@dataclass(frozen=True)
+class PoseLimits:
+    """How far means may lie from an ideal position before it counts as a wrong one.
+
+    `rate_deg_per_h` is what remains once the biases are free; `bias_deg_per_h` is what a bias may
+    be where one position is judged alone.
+    """
+
+    acceleration_g: float = 0.05
+    rate_deg_per_h: float = 1.0
+    bias_deg_per_h: float = 5.0
 
 
 def up_of(word: str) -> tuple[float, float, float] | None:

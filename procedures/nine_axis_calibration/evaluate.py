@@ -16,7 +16,7 @@ from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import latitude_input
 from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
-from station.findings import Findings, InputQuantity, findings_of
+from station.findings import Findings, FlagThresholds, InputQuantity, findings_of
 
 from .all_axes.reading import other_axes, pose
 from .all_axes.results import OtherResults, prior_rows, results_of, with_rows
@@ -37,7 +37,6 @@ from .measuring import (
 from .outlook import RATE, prior_of
 from .parameters import FULL_TURN_DEG, NineAxisParameters
 from .placing import TURNTABLE
-from .settings import AnalysisSettings
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -69,7 +68,13 @@ def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Be
     u_arcmin = parameters.latitude_uncertainty_arcmin
     latitude_rad = math.radians(dataset.latitude_deg)
     inputs.append(latitude_input(latitude_rad, u_arcmin, "the plan"))
-    return findings_with(dataset, others, settings(parameters), inputs)
+    return findings_with(
+        dataset,
+        others,
+        inputs,
+        thresholds=FlagThresholds(**dict(parameters.thresholds)),
+        limits=pose_limits(parameters),
+    )
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -79,20 +84,20 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     inputs = with_unstated(prior_inputs(dataset.prior, source), INPUTS)
     u_arcmin = raw.conditions(Conditions).latitude_uncertainty_arcmin
     inputs.append(latitude_input(math.radians(dataset.latitude_deg), u_arcmin, source))
-    return findings_with(dataset, others, None, inputs)
+    return findings_with(dataset, others, inputs)
 
 
 def findings_with(
     dataset: NineAxisDataset,
     others: OtherAxes | None,
-    settings: AnalysisSettings | None,
     inputs: Sequence[InputQuantity],
+    **chosen: Any,
 ) -> Findings:
     """Return what the gyros' records say, and those of the other six axes where there are any."""
     if others is None:
-        return findings_of(analyse(dataset, settings), dataset, inputs)
+        return findings_of(analyse(dataset, **chosen), dataset, inputs)
     other_results = results_of(others)
-    gyros = analyse(dataset, settings, inertial=other_results.inertial)
+    gyros = analyse(dataset, **chosen, inertial=other_results.inertial)
     analysis = replace(gyros, others=other_results)
     findings = with_other_axes(findings_of(analysis, dataset, inputs), other_results)
     estimates = with_rows([*findings.estimates], other_results)
@@ -116,11 +121,6 @@ def with_other_axes(findings: Findings, other_results: OtherResults) -> Findings
         flags=[*findings.flags, *other_results.flags],
         inputs=[*findings.inputs, *other_results.inputs],
     )
-
-
-def settings(parameters: NineAxisParameters) -> AnalysisSettings:
-    """Return the analysis settings of a plan."""
-    return AnalysisSettings(**dict(parameters.thresholds), pose=pose_limits(parameters))
 
 
 def prior_inputs(prior: Prior, source: str) -> Iterator[InputQuantity]:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.common.constants import ARCSEC_PER_RAD
 from procedures.estimation.allan import AllanDeviation, NoiseCoefficients
 from procedures.estimation.direction import LATITUDE
 from station.findings import Analysis, Estimate, Published, undetermined
 
 from .attitude import PAIRS, BiasSolution
-from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
+from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, TurnRecord
 from .pose import EAST_AXIS, Pose
 from .scale import ScaleSolution, Value
 from .turning import AxisMeans
@@ -34,7 +35,6 @@ UNITS = {
     MISALIGNMENT: "arcsec",
 }
 PPM = 1e6
-ARCSEC_PER_RAD = 180.0 * 3600.0 / np.pi
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,10 @@ class NineAxisAnalysis(Analysis):
     Sensitivities of the estimates are derivatives by the inputs of type B, the priors among them.
     `axes` are the solutions of the turned axes by number, None where a turned axis could not be
     solved; `gain` (3, 3) is the output of gyro j per rate about axis i in [j, i] with its u, NaN
-    where unknown. `noise` is what the static records of each gyro show. `others` is what the other
-    six axes come to, None where nothing of them was recorded.
+    where unknown. `noise` is what the static records of each gyro show, `wander` (3,) how its bias
+    wanders at rest and `rounding` (3,) what its steps add to a mean there, in deg/h. `wider` is by
+    how much the means at rest contradict each other, 1 where they do not. `others` is what the
+    other six axes come to, None where nothing of them was recorded.
     """
 
     static: tuple[StaticSummary, ...]
@@ -72,6 +74,9 @@ class NineAxisAnalysis(Analysis):
     gain: Array
     gain_u: Array
     noise: tuple[NoiseCoefficients | None, ...]
+    wander: Array
+    rounding: Array
+    wider: float
     others: OtherResults | None = None
 
 
@@ -80,26 +85,22 @@ def bias_estimates(bias: BiasSolution | None, freedom: Array, wider: float) -> l
 
     What each prior adds is a sensitivity in units of that prior's own standard uncertainty.
     """
-    estimates = []
-    for axis, name in enumerate(AXES):
-        if bias is None:
-            estimates.append(undetermined(BIAS, name, UNITS[BIAS], "weighted"))
-            continue
-        degrees = float(freedom[axis]) if wider == 1.0 else float(bias.degrees_of_freedom)
-        estimates.append(
-            Estimate(
-                BIAS,
-                name,
-                float(bias.bias[axis]),
-                UNITS[BIAS],
-                wider * float(bias.noise_u[axis]),
-                degrees,
-                "weighted",
-                {f"prior_{part}": wider * float(u[axis]) for part, u in bias.parts.items()}
-                | {LATITUDE: float(bias.by_latitude[axis])},
-            )
+    if bias is None:
+        return [undetermined(BIAS, name, UNITS[BIAS], "weighted") for name in AXES]
+    return [
+        Estimate(
+            BIAS,
+            name,
+            float(bias.bias[axis]),
+            UNITS[BIAS],
+            wider * float(bias.noise_u[axis]),
+            float(freedom[axis]) if wider == 1.0 else float(bias.degrees_of_freedom),
+            "weighted",
+            {f"prior_{part}": wider * float(u[axis]) for part, u in bias.parts.items()}
+            | {LATITUDE: float(bias.by_latitude[axis])},
         )
-    return estimates
+        for axis, name in enumerate(AXES)
+    ]
 
 
 def scale_estimates(
@@ -111,42 +112,75 @@ def scale_estimates(
     """Return all results of the turned axes, name by name.
 
     Where the accelerometers say how each axis was turned, a scale factor is that about the gyro's
-    own axis; else about the table's.
+    own axis; else about the table's. A misalignment is the angle to the table's axis as the sensor
+    was mounted on it: what mounting and table lean is whole in it, one for one, and no record can
+    separate it from the sensor's own.
     """
-    estimates = [
-        _scale(axis, solution, means[axis], inertial.seen_about(axis) if inertial else (1.0, 0.0))
+    methods = {
+        axis: "weighted" if solution is None or solution.agree else "mean"
         for axis, solution in axes.items()
-    ]
-    for name in (ASYMMETRY, NONLINEARITY):
-        for axis, solution in axes.items():
-            value = None if solution is None else getattr(solution, name)
-            extra = _rates(solution) if name == NONLINEARITY and solution is not None else {}
-            method = "least-squares" if name == ASYMMETRY else _method(solution)
-            estimates.append(_relative(name, axis, value, solution, method, extra))
-    estimates += [_misalignment(axes, *pair, prior) for pair in PAIRS if pair[1] in axes]
+    }
+    estimates = []
+    for axis, solution in axes.items():
+        value, by = None, {}
+        if solution is not None:
+            share, share_u = inertial.seen_about(axis) if inertial else (1.0, 0.0)
+            scale = solution.scale_factor.value / share
+            noise = solution.scale_factor.standard_uncertainty / share
+            value = Value(scale, float(np.hypot(noise, scale * share_u)))
+            by = {"time_scale": scale, "encoder_angle_deg": _by_angle(solution, means[axis])}
+        estimates.append(
+            _estimate(SCALE_FACTOR, AXES[axis], value, solution, methods[axis], 1.0, by)
+        )
+    for axis, solution in axes.items():
+        value = solution.asymmetry if solution is not None else None
+        estimates.append(_estimate(ASYMMETRY, AXES[axis], value, solution, "least-squares", PPM))
+    for axis, solution in axes.items():
+        value = solution.nonlinearity if solution is not None else None
+        extra = _rates(solution) if solution is not None and value is not None else {}
+        estimates.append(
+            _estimate(NONLINEARITY, AXES[axis], value, solution, methods[axis], PPM, {}, extra)
+        )
+    lean = {
+        "prior_mounting": ARCSEC_PER_RAD * prior.mounting_rad,
+        "prior_table_axes": ARCSEC_PER_RAD * prior.table_axes_rad,
+    }
+    for gyro, axis in PAIRS:
+        if axis not in axes:
+            continue
+        solution, own = axes[axis], axes.get(gyro)
+        value = solution.cross.get(gyro) if solution is not None else None
+        size = ARCSEC_PER_RAD / (own.scale_factor.value if own is not None else 1.0)
+        pair, frame = AXES[gyro] + AXES[axis], {"frame": FRAME}
+        estimates.append(
+            _estimate(MISALIGNMENT, pair, value, solution, "weighted", size, lean, frame)
+        )
     return estimates
 
 
-def _scale(
-    axis: int,
+def _estimate(
+    name: str,
+    axis: str,
+    value: Value | None,
     solution: ScaleSolution | None,
-    means: AxisMeans,
-    seen: tuple[float, float],
+    method: str,
+    size: float,
+    sensitivities: Mapping[str, float] | None = None,
+    extra: Mapping[str, object] | None = None,
 ) -> Estimate:
-    if solution is None:
-        return undetermined(SCALE_FACTOR, AXES[axis], UNITS[SCALE_FACTOR], "weighted")
-    scale = solution.scale_factor
-    share, share_u = seen
-    value = scale.value / share
+    """Return a value, times `size` in the unit of its name, as an estimate."""
+    if value is None or solution is None:
+        return undetermined(name, axis, UNITS[name], method, extra)
     return Estimate(
-        SCALE_FACTOR,
-        AXES[axis],
-        value,
-        UNITS[SCALE_FACTOR],
-        float(np.hypot(scale.standard_uncertainty / share, value * share_u)),
+        name,
+        axis,
+        size * value.value,
+        UNITS[name],
+        abs(size) * value.standard_uncertainty,
         solution.degrees_of_freedom,
-        _method(solution),
-        {"time_scale": value, "encoder_angle_deg": _by_angle(solution, means)},
+        method,
+        sensitivities or {},
+        extra or {},
     )
 
 
@@ -157,84 +191,20 @@ def _by_angle(solution: ScaleSolution, means: AxisMeans) -> float:
     """
     total = 0.0
     for rate, weight in zip(solution.commanded, solution.weights, strict=True):
-        own = np.isclose(np.abs(means.commanded), rate) & (means.turns > 0.0)
-        part = own & means.part
+        part = np.isclose(np.abs(means.commanded), rate) & (means.turns > 0.0) & means.part
         if bool(part.any()):
             shortest = 360.0 * float(means.turns[part].min())
             total += (float(weight) * solution.scale_factor.value / shortest) ** 2
     return float(np.sqrt(total))
 
 
-def _method(solution: ScaleSolution | None) -> str:
-    return "weighted" if solution is None or solution.agree else "mean"
-
-
-def _relative(
-    name: str,
-    axis: int,
-    value: Value | None,
-    solution: ScaleSolution | None,
-    method: str,
-    extra: Mapping[str, object],
-) -> Estimate:
-    if value is None or solution is None:
-        return undetermined(name, AXES[axis], UNITS[name], method)
-    return Estimate(
-        name,
-        AXES[axis],
-        PPM * value.value,
-        UNITS[name],
-        PPM * value.standard_uncertainty,
-        solution.degrees_of_freedom,
-        method,
-        extra=extra,
-    )
-
-
 def _rates(solution: ScaleSolution) -> dict[str, object]:
     """Return the deviation of each rate's K from K, for the result document."""
-    table = zip(solution.commanded, solution.deviation, solution.deviation_u, strict=True)
+    names = ("rate_deg_per_s", "deviation_ppm", "standard_uncertainty_ppm")
+    columns = solution.commanded, PPM * solution.deviation, PPM * solution.deviation_u
     return {
-        "rates": [
-            {
-                "rate_deg_per_s": float(rate),
-                "deviation_ppm": PPM * float(value),
-                "standard_uncertainty_ppm": PPM * float(u),
-            }
-            for rate, value, u in table
-        ]
+        "rates": [dict(zip(names, row, strict=True)) for row in np.column_stack(columns).tolist()]
     }
-
-
-def _misalignment(
-    axes: Mapping[int, ScaleSolution | None], gyro: int, axis: int, prior: Prior
-) -> Estimate:
-    """Return what a gyro reads of another axis' rate, over its own scale factor, as an angle.
-
-    It is the angle to the table's axis as the sensor was mounted on it: what mounting and table
-    lean is whole in it, one for one, and no record can separate it from the sensor's own.
-    """
-    frame = {"frame": FRAME}
-    name = AXES[gyro] + AXES[axis]
-    solution, own = axes[axis], axes.get(gyro)
-    if solution is None or gyro not in solution.cross:
-        return undetermined(MISALIGNMENT, name, UNITS[MISALIGNMENT], "weighted", frame)
-    scale = own.scale_factor.value if own is not None else 1.0
-    value = solution.cross[gyro]
-    return Estimate(
-        MISALIGNMENT,
-        name,
-        ARCSEC_PER_RAD * value.value / scale,
-        UNITS[MISALIGNMENT],
-        ARCSEC_PER_RAD * value.standard_uncertainty / abs(scale),
-        solution.degrees_of_freedom,
-        "weighted",
-        {
-            "prior_mounting": ARCSEC_PER_RAD * prior.mounting_rad,
-            "prior_table_axes": ARCSEC_PER_RAD * prior.table_axes_rad,
-        },
-        frame,
-    )
 
 
 def published_values(dataset: NineAxisDataset, turned: Sequence[int]) -> tuple[Published, ...]:
@@ -243,40 +213,37 @@ def published_values(dataset: NineAxisDataset, turned: Sequence[int]) -> tuple[P
     b is the mean of the axis that faces east; K = (1/N) sum (w+ - w-)/(2 w) with the nominal rates
     w, over those that were turned in both senses. None where there is nothing to take a mean of.
     """
-    values = [
-        *((BIAS, axis, _published_bias(dataset.static, axis)) for axis in range(len(AXES))),
-        *((SCALE_FACTOR, axis, _published_scale(dataset.turns, axis)) for axis in turned),
-    ]
+    biases = {
+        axis: _mean_of_all(
+            record.rate_deg_per_h[:, axis]
+            for record in dataset.static
+            if EAST_AXIS.get(record.position) == axis
+        )
+        for axis in range(len(AXES))
+    }
+    scales = {axis: _published_scale(dataset.turns, axis) for axis in turned}
     return tuple(
-        Published(name, AXES[axis], value, UNITS[name], "mean") for name, axis, value in values
+        Published(name, AXES[axis], value, UNITS[name], "mean")
+        for name, values in ((BIAS, biases), (SCALE_FACTOR, scales))
+        for axis, value in values.items()
     )
 
 
-def _published_bias(records: Sequence[StaticRecord], axis: int) -> float | None:
-    samples = [
-        record.rate_deg_per_h[:, axis]
-        for record in records
-        if EAST_AXIS.get(record.position) == axis
-    ]
-    return _mean_of_all(samples)
-
-
 def _published_scale(records: Sequence[TurnRecord], axis: int) -> float | None:
-    own = [record for record in records if record.axis == axis]
+    samples: dict[float, list[Array]] = {}
+    for record in records:
+        if record.axis == axis:
+            own = samples.setdefault(record.commanded_deg_per_s, [])
+            own.append(record.rate_deg_per_s[:, axis])
     factors = []
-    for rate in sorted({abs(record.commanded_deg_per_s) for record in own}):
-        senses = [
-            _mean_of_all(
-                [r.rate_deg_per_s[:, axis] for r in own if r.commanded_deg_per_s == sense * rate]
-            )
-            for sense in (1.0, -1.0)
-        ]
-        if senses[0] is not None and senses[1] is not None:
-            factors.append((senses[0] - senses[1]) / (2.0 * rate))
+    for rate in sorted(rate for rate in samples if rate > 0.0):
+        forth, back = _mean_of_all(samples[rate]), _mean_of_all(samples.get(-rate, ()))
+        if forth is not None and back is not None:
+            factors.append((forth - back) / (2.0 * rate))
     return float(np.mean(factors)) if factors else None
 
 
-def _mean_of_all(samples: Sequence[np.ndarray]) -> float | None:
-    together = np.concatenate(samples) if samples else np.empty(0)
+def _mean_of_all(samples: Iterable[Array]) -> float | None:
+    together = np.concatenate([np.empty(0), *samples])
     together = together[np.isfinite(together)]
     return float(together.mean()) if len(together) else None

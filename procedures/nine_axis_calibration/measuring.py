@@ -15,7 +15,7 @@ from station.method.set_points import Bounded
 from station.method.verbs import Recording, axis_of, come_to_rest, keep_row, look_until
 from station.roles import Imu, Turntable
 
-from .directions import AXES, in_words, up_of
+from .directions import AXES, PoseLimits, up_of
 from .parameters import (
     FULL_TURN_DEG,
     MAX_READING_S,
@@ -23,10 +23,8 @@ from .parameters import (
     NineAxisParameters,
     Turn,
     pose_unit,
-    position_unit,
 )
-from .placing import MOVE_S, RATES, STANDS, TURNTABLE, lay, put
-from .settings import PoseLimits
+from .placing import MOVE_S, RATES, STANDS, TURNTABLE, Stand, in_pose, in_position, place
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -122,26 +120,31 @@ class Sensing(Recording):
         """
         import numpy as np
 
+        rows = self._since(from_s)
+        if not len(rows):
+            return np.full(3, np.nan), np.full(3, np.nan)
+        gyro, force = (
+            np.array([np.nanmean(rows[name]) for name in names])
+            for names in (GYROS, ACCELEROMETERS)
+        )
+        return gyro * SECONDS_PER_HOUR, force
+
+    def _since(self, from_s: float) -> NDArray[Any]:
+        """Return the outputs that came since a time."""
+        import numpy as np
+
         from station.roles.base import ARRIVAL
 
-        rows = [row[row[ARRIVAL] > from_s] for row in self._rows]
-        if not any(len(row) for row in rows):
-            return np.full(3, np.nan), np.full(3, np.nan)
-        together = np.concatenate(rows)
-        gyro = np.array([np.nanmean(together[name]) for name in GYROS])
-        return gyro * SECONDS_PER_HOUR, np.array([np.nanmean(together[n]) for n in ACCELEROMETERS])
+        rows = np.concatenate(self._rows) if self._rows else np.zeros(0, [(ARRIVAL, float)])
+        return np.asarray(rows[rows[ARRIVAL] > from_s])
 
     def need_valid(self, from_s: float, parts: Mapping[str, int]) -> None:
         """Raise InstrumentError for a part, given with its status bit, that mostly is not valid.
 
         Of the outputs since a time. For parts that nothing drives beyond their range now.
         """
-        import numpy as np
-
-        from station.roles.base import ARRIVAL
-
-        status = [row["status"][row[ARRIVAL] > from_s].astype(np.int64) for row in self._rows]
-        if not any(len(word) for word in status):
+        rows = self._since(from_s)
+        if not len(rows):
             raise InstrumentError(
                 IMU,
                 f"record {self.unit}",
@@ -149,7 +152,7 @@ class Sensing(Recording):
                 "check its cable and its power",
             )
         for part, bit in parts.items():
-            share = float(np.mean(np.concatenate(status) >> bit & 1))
+            share = float((rows["status"].astype(int) >> bit & 1).mean())
             if share > MOSTLY:
                 raise InstrumentError(
                     IMU,
@@ -181,124 +184,135 @@ def need_sensor_well(run: Run) -> None:
     run.read(look)
 
 
+Judge = Callable[["Array", "Array"], str]
+"""Says why a stand is wrong by the means of the gyros in deg/h and of the accelerometers in g, (3,)
+each; nothing where it is right."""
+
+
 @dataclass(frozen=True)
-class Judged:
-    """Whether the sensor stands as it should, why not, and in words as which other position."""
+class AtRest:
+    """What is measured at rest in one unit of work, and whether the analysis may refuse it."""
 
-    right: bool = True
-    why: str = ""
-    looks_like: str = ""
+    target: Stand
+    lasts_s: float
+    judge: Judge
+    facts: Mapping[str, object]
+    declared: str
+    doing: str
+    may_stay_wrong: bool
 
 
-Judge = Callable[["Array", "Array"], Judged]
-"""Judges a stand by the means of the gyros in deg/h and of the accelerometers in g, (3,) each."""
+def stands_of(parameters: NineAxisParameters) -> dict[str, AtRest]:
+    """Return what a plan measures at rest, by the names of the units of work, in their order."""
+    stands = {}
+    for n, position in enumerate(parameters.all_positions, start=1):
+        target, judge = in_position(position), partial(judge_position, parameters, position)
+        declared = f"{target.words}, {STANDS[position]}: record"
+        doing = f"{target.words}, {n} of {len(parameters.all_positions)}"
+        facts: dict[str, object] = {"position": position}
+        stands[target.words] = AtRest(
+            target, parameters.static_time_s, judge, facts, declared, doing, may_stay_wrong=True
+        )
+    for n, word in enumerate(parameters.poses, start=1):
+        target, judge = in_pose(word), partial(judge_direction, parameters, word)
+        doing = f"{target.words}, {n} of {len(parameters.poses)}"
+        declared = f"{target.words}: record"
+        stands[pose_unit(word)] = AtRest(
+            target, parameters.pose_time_s, judge, {"pose": word}, declared, doing, False
+        )
+    return stands
 
 
-def measure_position(run: Run, position: int, doing: str) -> None:
-    """Measure one position; a wrong pose is measured again, and stays refused by the analysis."""
-    parameters: NineAxisParameters = run.parameters
-    unit, judge = position_unit(position), partial(judge_position, parameters, position)
-    with run.unit(unit, position=position) as facts:
-        for attempt in range(1, parameters.pose.attempts + 1):
-            put(run, position, again=attempt > 1)
-            run.declare(Bounded(IMU, f"position {position}, {STANDS[position]}: record"))
-            left = parameters.pose.attempts - attempt
-            time_s, whole = parameters.static_time_s, left == 0
-            from_s, until_s, pose = record_at_rest(run, unit, time_s, judge, doing, whole=whole)
-            if pose.right:
+def measure_at_rest(run: Run, unit: str, rest: AtRest) -> None:
+    """Measure one stand; a wrong one is measured again.
+
+    A position that stays wrong is refused by the analysis, another direction ends the run.
+    """
+    attempts = run.parameters.pose.attempts
+    with run.unit(unit, **rest.facts) as facts:
+        for attempt in range(1, attempts + 1):
+            place(run, rest.target, again=attempt > 1)
+            run.declare(Bounded(IMU, rest.declared))
+            last = attempt == attempts
+            from_s, until_s, why = record_at_rest(run, unit, rest, whole=last)
+            if not why:
                 break
-            run.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
-            then = "it is measured again" if left else "the record counts as of a wrong position"
-            run.say(f"    {unit}: {pose.why}{pose.looks_like}; {then}")
-        facts.update(from_s=from_s, until_s=until_s, attempts=attempt, right=pose.right)
-
-
-def lie(run: Run, word: str, doing: str) -> None:
-    """Measure one further pose; a direction that is not up is measured again, then the run ends."""
-    parameters: NineAxisParameters = run.parameters
-    unit, judge = pose_unit(word), partial(judge_direction, parameters, word)
-    with run.unit(unit, pose=word) as facts:
-        for attempt in range(1, parameters.pose.attempts + 1):
-            lay(run, word, again=attempt > 1)
-            run.declare(Bounded(IMU, f"{in_words(word)}: record"))
-            from_s, until_s, pose = record_at_rest(run, unit, parameters.pose_time_s, judge, doing)
-            if pose.right:
-                break
-            run.event("pose-refused", unit=unit, attempt=attempt, why=pose.why)
-            run.say(f"    {unit}: {pose.why}")
-        if not pose.right:
+            run.event("pose-refused", unit=unit, attempt=attempt, why=why)
+            ends = "the record counts as of a wrong position" if rest.may_stay_wrong else "it ends"
+            run.say(f"    {unit}: {why}; {ends if last else 'it is measured again'}")
+        if why and not rest.may_stay_wrong:
             raise ConditionNotReached(
-                f"the sensor is to stand with {in_words(word)}; {pose.why}. Look how it stands, "
+                f"the sensor is to stand with {rest.target.words}; {why}. Look how it stands, "
                 "and which of its axes is which"
             )
         facts.update(from_s=from_s, until_s=until_s, attempts=attempt)
+        if rest.may_stay_wrong:
+            facts.update(right=not why)
 
 
-def record_at_rest(
-    run: Run, unit: str, lasts_s: float, judge: Judge, doing: str, *, whole: bool = False
-) -> tuple[float, float, Judged]:
-    """Record a stand and judge it; returns begin and end of what counts, and the judgement.
+def record_at_rest(run: Run, unit: str, rest: AtRest, *, whole: bool) -> tuple[float, float, str]:
+    """Record a stand and judge it; returns begin and end of what counts, and what is wrong.
 
-    One that is wrong from the beginning ends the record at once, unless it is to be `whole`: it is
-    then the analysis that decides, with the biases free.
+    One that is wrong from the beginning ends the record at once, unless it is to be `whole` and
+    the analysis decides, with the biases free.
     """
     parameters: NineAxisParameters = run.parameters
-    sensing = Sensing(run, unit)
-    sensing.follow_to(run.now_s + parameters.static_settle_s, f"{doing}, it comes to rest")
+    sensing, lasts_s = Sensing(run, unit), rest.lasts_s
+    sensing.follow_to(run.now_s + parameters.static_settle_s, f"{rest.doing}, it comes to rest")
     from_s = run.now_s
 
-    def look_twice() -> Judged:
+    def look_twice() -> str:
         for until_s in (from_s + min(FIRST_LOOK_S, lasts_s), from_s + lasts_s):
-            sensing.follow_to(until_s, doing)
+            sensing.follow_to(until_s, rest.doing)
             sensing.need_valid(from_s, {**GYRO_BITS, **ACCELEROMETER_BITS})
-            judged = judge(*sensing.means(from_s))
-            if not judged.right and not whole:
+            why = rest.judge(*sensing.means(from_s))
+            if why and not (whole and rest.may_stay_wrong):
                 break
-        return judged
+        return why
 
-    takes = exactly(lasts_s) + measured_again(parameters, lasts_s)
-    judged = run.read(look_twice, Judged(), takes, sensing.rates)
-    until_s = run.now_s
-    sensing.follow_to(run.now_s + LATE_OUTPUTS_S, doing)
-    sensing.stop()
-    return from_s, until_s, judged
-
-
-def measured_again(parameters: NineAxisParameters, lasts_s: float) -> Duration:
-    """Return the bench time of a stand beside its first record: a wrong one is measured again."""
+    # A wrong stand is measured again.
     way_s = on_the_way(MOVE_S).longest_s if parameters.positioning == "table" else 0.0
     once_more_s = way_s + parameters.static_settle_s + lasts_s + LATE_OUTPUTS_S
-    return Duration(0.0, 0.0, (parameters.pose.attempts - 1) * once_more_s)
+    again = Duration(0.0, 0.0, (parameters.pose.attempts - 1) * once_more_s)
+    why = run.read(look_twice, "", exactly(lasts_s) + again, sensing.rates)
+    until_s = run.now_s
+    sensing.follow_to(run.now_s + LATE_OUTPUTS_S, rest.doing)
+    sensing.stop()
+    return from_s, until_s, why
 
 
 def judge_position(
     parameters: NineAxisParameters, position: int, gyro_deg_per_h: Array, acceleration_g: Array
-) -> Judged:
-    """Judge a position."""
+) -> str:
+    """Return why a position is wrong."""
     from .pose import check_pose
 
     limits = pose_limits(parameters)
     latitude_deg = parameters.latitude_deg
     pose = check_pose(position, gyro_deg_per_h, acceleration_g, latitude_deg, limits)
-    seems = "" if pose.stands_as is None else f", as in position {pose.stands_as}"
-    return Judged(pose.right, pose.why, seems)
+    return "" if pose.right else pose.seems
 
 
 def judge_direction(
     parameters: NineAxisParameters, word: str, gyro_deg_per_h: Array, acceleration_g: Array
-) -> Judged:
-    """Judge whether a direction points up as well as it should."""
-    from .pose import check_direction
+) -> str:
+    """Return why a direction does not point up as well as it should."""
+    import numpy as np
 
     up = up_of(word)
     assert up is not None
     edge_g = SIGMAS * math.radians(parameters.prior.edge_deg) if max(map(abs, up)) < 1.0 else 0.0
-    return Judged(*check_direction(up, acceleration_g, parameters.pose.acceleration_g + edge_g))
+    off_g = float(np.max(np.abs(acceleration_g - np.array(up))))
+    if off_g <= parameters.pose.acceleration_g + edge_g:
+        return ""
+    felt = ", ".join(f"{value:+.2f}" for value in acceleration_g)
+    return f"the accelerometers read {felt} g, {off_g:.3g} g off"
 
 
-def spin(parameters: NineAxisParameters, turn: Turn) -> AxisAtRate:
-    """Return the command that lets the vertical axis turn for a record."""
-    return AxisAtRate(
+def turn(run: Run, turn: Turn, doing: str) -> None:
+    """Record whole turns at one rate in one sense, spin-up and settling left out."""
+    parameters: NineAxisParameters = run.parameters
+    command = AxisAtRate(
         TURNTABLE,
         "outer",
         f"{turn.unit}: {turn.turns} turn{'s' if turn.turns > 1 else ''}",
@@ -306,12 +320,6 @@ def spin(parameters: NineAxisParameters, turn: Turn) -> AxisAtRate:
         UP_SENSE * turn.rate_deg_per_s,
         decided_by=RATES,
     )
-
-
-def turn(run: Run, turn: Turn, doing: str) -> None:
-    """Record whole turns at one rate in one sense, spin-up and settling left out."""
-    parameters: NineAxisParameters = run.parameters
-    command = spin(parameters, turn)
     table, axis = run.role(TURNTABLE, Turntable), axis_of(run, command)
     # To the rate, and from it to rest again.
     way = on_the_way(abs(turn.rate_deg_per_s) / USUAL_ACCELERATION_DEG_PER_S2 + SETTLING_S / 2.0)

@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.fields import StrictModel, Unit
+from station.findings import FlagThresholds
 
-from .directions import AXES, up_of
-from .settings import AnalysisSettings, PoseLimits
+from .directions import AXES, PoseLimits, up_of
 
 PUBLISHED_POSITIONS = (1, 2, 3)
 FLIPPED = {1: 4, 2: 5, 3: 6}
@@ -128,9 +128,9 @@ class PoseCheck(StrictModel):
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
-    not_significant: Annotated[float, Field(gt=0)] = AnalysisSettings.not_significant
-    gap: Annotated[float, Field(gt=1)] = AnalysisSettings.gap
-    outlier: Annotated[float, Field(ge=3)] = AnalysisSettings.outlier
+    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    outlier: Annotated[float, Field(ge=3)] = FlagThresholds.outlier
 
 
 class NineAxisParameters(StrictModel):
@@ -176,9 +176,7 @@ class NineAxisParameters(StrictModel):
         if missing:
             listed = " and ".join(str(position) for position in missing)
             raise ValueError(f"position {listed} is skipped; the method needs 1, 2 and 3")
-        if len(set(positions)) != len(positions):
-            raise ValueError("name each position once")
-        return positions
+        return _each_once(positions)
 
     @field_validator("rates_deg_per_s")
     @classmethod
@@ -186,8 +184,7 @@ class NineAxisParameters(StrictModel):
         """Require five rates or more, each once."""
         if len(rates) < FEWEST_RATES:
             raise ValueError(f"there are {len(rates)}; the method needs N > 4, five rates or more")
-        _refuse_duplicates(rates)
-        return rates
+        return _each_once(rates)
 
     @field_validator("poses")
     @classmethod
@@ -198,15 +195,13 @@ class NineAxisParameters(StrictModel):
                 raise ValueError(
                     f"'{word}' is no direction; write what points up: X, -X, X+Y, -X-Y-Z"
                 )
-        _refuse_repeats(poses)
-        return poses
+        return _each_once(poses)
 
     @field_validator("turned_down", "turned_down_rates_deg_per_s")
     @classmethod
     def each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         """Refuse a direction or a rate that stands twice."""
-        _refuse_repeats(values)
-        return values
+        return _each_once(values)
 
     @field_validator("range_deg_per_s")
     @classmethod
@@ -281,15 +276,10 @@ class NineAxisParameters(StrictModel):
     def units(self) -> tuple[str, ...]:
         """All units of work in the order in which they are measured."""
         return (
-            *(position_unit(position) for position in self.all_positions),
+            *(f"position {position}" for position in self.all_positions),
             *(pose_unit(word) for word in self.poses),
             *(turn.unit for turn in self.all_turns),
         )
-
-
-def position_unit(position: int) -> str:
-    """Return the name of a position's unit of work."""
-    return f"position {position}"
 
 
 def pose_unit(word: str) -> str:
@@ -306,13 +296,9 @@ def _hint(rates: Sequence[float]) -> str:
     return "; choose dwell: efficient, which has whole turns at each rate"
 
 
-def _refuse_repeats(values: Sequence[object]) -> None:
+def _each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
     for n, value in enumerate(values):
-        if value in values[:n]:
-            raise ValueError(f"{value} stands twice")
-
-
-def _refuse_duplicates(rates: Sequence[float]) -> None:
-    for n, rate in enumerate(rates):
-        if any(math.isclose(rate, other, rel_tol=1e-9) for other in rates[:n]):
-            raise ValueError(f"{rate:g} deg/s stands twice")
+        number = isinstance(value, float)
+        if any(math.isclose(value, v, rel_tol=1e-9) if number else v == value for v in values[:n]):
+            raise ValueError(f"{value:g} deg/s stands twice" if number else f"{value} stands twice")
+    return values

@@ -8,7 +8,7 @@ the middle axis what was north. What a person does takes a time that nobody know
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -21,7 +21,6 @@ from station.roles import Turntable
 from station.roles.turntable import TableAxes, table_axes
 
 from .directions import ending, in_words, table_angles_deg
-from .parameters import NineAxisParameters, pose_unit, position_unit
 
 if TYPE_CHECKING:
     from station.method.run import Run
@@ -68,18 +67,67 @@ class Placement:
     table_is_ready: bool = False
 
 
-def ask_to_place(run: Run, unit: str) -> None:
-    """Have the sensor put where a unit of work needs it, before it is switched on."""
-    parameters: NineAxisParameters = run.parameters
-    if parameters.positioning == "table":
-        ask_to_put(run, MOUNT_TABLE)
+@dataclass(frozen=True)
+class Stand:
+    """How the sensor is to stand, in `words`.
+
+    A person is asked for it by the `prompt`; a table of three axes goes to `angles_deg`, axis by
+    axis.
+    """
+
+    words: str
+    prompt: Prompt
+    angles_deg: Mapping[str, float]
+
+
+def in_position(position: int) -> Stand:
+    """Return how the sensor stands on the north-referenced plate in a position."""
+    angles_deg = dict(zip(("outer", "middle", "inner"), POSES_DEG[position], strict=True))
+    prompt = Prompt(
+        f"pose-{position}",
+        f"Put the sensor, in its tooling, its cable connected, on the north-referenced plate in "
+        f"position {position}: {STANDS[position]}. Then leave the plate alone.",
+        then="the sensor is read at rest; nothing moves",
+    )
+    return Stand(f"position {position}", prompt, angles_deg)
+
+
+def in_pose(word: str) -> Stand:
+    """Return how the sensor stands on the plate with a direction up."""
+    prompt = Prompt(
+        f"pose-{ending(word)}",
+        f"Put the sensor, in its tooling, its cable connected, on the plate with {in_words(word)}, "
+        "whichever way it faces. Then leave the plate alone.",
+        then="the sensor is read at rest; nothing moves",
+    )
+    return Stand(in_words(word), prompt, _angles_deg(word))
+
+
+def on_table(word: str) -> Stand:
+    """Return how the sensor stands on the turning table with an axis up or down."""
+    prompt = Prompt(
+        f"mount-{ending(word)}",
+        f"Mount the sensor on the turntable with {in_words(word)}, along the table's axis.",
+        checklist=("Nobody is within reach of the table.",),
+        then="the table turns",
+    )
+    return Stand(in_words(word), prompt, _angles_deg(word))
+
+
+def _angles_deg(word: str) -> dict[str, float]:
+    return dict(zip(("middle", "inner"), table_angles_deg(word), strict=True))
+
+
+def place(run: Run, target: Stand, *, again: bool = False) -> None:
+    """Bring the sensor to a stand, by the table or by hand."""
+    if run.parameters.positioning == "plate":
+        ask_to_put(run, target.prompt, again=again)
         return
-    for position in parameters.all_positions:
-        if unit == position_unit(position):
-            ask_to_put(run, pose_prompt(position))
-    for word in parameters.poses:
-        if unit == pose_unit(word):
-            ask_to_put(run, direction_prompt(word))
+    ask_to_put(run, MOUNT_TABLE)
+    *first, last = target.angles_deg
+    angles = ", ".join(f"{angle_deg:g} deg" for angle_deg in target.angles_deg.values())
+    text = f"{target.words}: {', '.join(first)} and {last} axis to {angles}"
+    go_to(run, text, target.angles_deg, f"the table goes to {target.words}")
 
 
 def ask_to_put(run: Run, prompt: Prompt, *, again: bool = False) -> None:
@@ -109,7 +157,8 @@ def make_table_ready(run: Run) -> None:
             doing = "the table looks for its zeros"
             come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S)
     if axes is not None:
-        go_to(run, to_zero(), "the table goes to zero")
+        to_zero = "middle and inner axis to 0 deg", {"middle": 0.0, "inner": 0.0}
+        go_to(run, *to_zero, "the table goes to zero")
     placement.table_is_ready = True
 
 
@@ -118,95 +167,11 @@ def axes_of(run: Run) -> TableAxes | None:
     return table_axes(run.bench.instruments[TURNTABLE].settings)
 
 
-def put(run: Run, position: int, *, again: bool) -> None:
-    """Bring the sensor into a position, by the table or by hand."""
-    if run.parameters.positioning == "table":
-        ask_to_put(run, MOUNT_TABLE)
-        go_to(run, to_position(position), f"the table goes to position {position}")
-    else:
-        ask_to_put(run, pose_prompt(position), again=again)
-
-
-def lay(run: Run, word: str, *, again: bool) -> None:
-    """Bring a direction of the sensor up, at rest, by the table or by hand."""
-    if run.parameters.positioning == "table":
-        ask_to_put(run, MOUNT_TABLE)
-        go_to(run, to_up(word), f"the table goes to {in_words(word)}")
-    else:
-        ask_to_put(run, direction_prompt(word), again=again)
-
-
-def turn_up(run: Run, word: str) -> None:
-    """Bring an axis of the sensor up or down, along the table's axis that turns."""
-    if run.parameters.positioning == "table":
-        ask_to_put(run, MOUNT_TABLE)
-        go_to(run, to_up(word), f"the table goes to {in_words(word)}")
-    else:
-        ask_to_put(run, up_prompt(word))
-
-
-def go_to(run: Run, moves: Sequence[AxisTo], doing: str) -> None:
-    """Bring axes of the table to angles, each at rest before the next moves."""
-    each = on_the_way(MOVE_S / len(moves))
-    for move in moves:
+def go_to(run: Run, text: str, angles_deg: Mapping[str, float], doing: str) -> None:
+    """Bring axes of the table, by name, to angles, each at rest before the next moves."""
+    each = on_the_way(MOVE_S / len(angles_deg))
+    for name, angle_deg in angles_deg.items():
+        move = AxisTo(TURNTABLE, name, text, angle_deg=angle_deg, decided_by=RATES)
         run.apply(move)
         axis = axis_of(run, move)
         come_to_rest(run, TURNTABLE, doing, axis=axis, every_s=LOOK_S, takes=each)
-
-
-def moves(text: str, **angles_deg: float) -> tuple[AxisTo, ...]:
-    """Return the commands that bring axes of a table, by name, to angles, one after the other."""
-    return tuple(
-        AxisTo(TURNTABLE, axis, text, angle_deg=angle_deg, decided_by=RATES)
-        for axis, angle_deg in angles_deg.items()
-    )
-
-
-def to_zero() -> tuple[AxisTo, ...]:
-    """Return the moves that level the table's plate, its inner axis then to the north."""
-    return moves("middle and inner axis to 0 deg", middle=0.0, inner=0.0)
-
-
-def to_position(position: int) -> tuple[AxisTo, ...]:
-    """Return the moves of a three-axis table to one of the positions."""
-    outer_deg, middle_deg, inner_deg = POSES_DEG[position]
-    angles = f"{outer_deg:g} deg, {middle_deg:g} deg, {inner_deg:g} deg"
-    text = f"position {position}: outer, middle and inner axis to {angles}"
-    return moves(text, outer=outer_deg, middle=middle_deg, inner=inner_deg)
-
-
-def to_up(word: str) -> tuple[AxisTo, ...]:
-    """Return the moves of a three-axis table that let a direction of the sensor point up."""
-    middle_deg, inner_deg = table_angles_deg(word)
-    text = f"{in_words(word)}: middle and inner axis to {middle_deg:g} deg, {inner_deg:g} deg"
-    return moves(text, middle=middle_deg, inner=inner_deg)
-
-
-def pose_prompt(position: int) -> Prompt:
-    """Return the request to put the sensor on the plate in a position."""
-    return Prompt(
-        f"pose-{position}",
-        f"Put the sensor, in its tooling, its cable connected, on the north-referenced plate in "
-        f"position {position}: {STANDS[position]}. Then leave the plate alone.",
-        then="the sensor is read at rest; nothing moves",
-    )
-
-
-def direction_prompt(word: str) -> Prompt:
-    """Return the request to put the sensor on the plate with a direction up."""
-    return Prompt(
-        f"pose-{ending(word)}",
-        f"Put the sensor, in its tooling, its cable connected, on the plate with {in_words(word)}, "
-        "whichever way it faces. Then leave the plate alone.",
-        then="the sensor is read at rest; nothing moves",
-    )
-
-
-def up_prompt(word: str) -> Prompt:
-    """Return the request to mount the sensor on a table of one axis."""
-    return Prompt(
-        f"mount-{ending(word)}",
-        f"Mount the sensor on the turntable with {in_words(word)}, along the table's axis.",
-        checklist=("Nobody is within reach of the table.",),
-        then="the table turns",
-    )

@@ -9,10 +9,9 @@ from station.method.commands import Power
 from station.method.verbs import record_published
 from station.procedure import Step
 
-from .directions import in_words
-from .measuring import lie, measure_position, need_sensor_well, turn
-from .parameters import NineAxisParameters, pose_unit, position_unit
-from .placing import ask_to_place, make_table_ready, turn_up
+from .measuring import measure_at_rest, need_sensor_well, stands_of, turn
+from .parameters import NineAxisParameters
+from .placing import MOUNT_TABLE, ask_to_put, make_table_ready, on_table, place
 
 if TYPE_CHECKING:
     from station.method.run import Run
@@ -26,23 +25,23 @@ def mount(run: Run) -> None:
     missing = [unit for unit in parameters.units if not run.is_finished(unit)]
     if not missing:
         return
-    ask_to_place(run, missing[0])
+    table = parameters.positioning == "table"
+    if table:
+        ask_to_put(run, MOUNT_TABLE)
+    elif missing[0] in (stands := stands_of(parameters)):
+        place(run, stands[missing[0]].target)
     run.apply(Power(POWER, True))
     run.wait(parameters.warm_up_s, "the gyros warm up")
-    if parameters.positioning == "table":
+    if table:
         make_table_ready(run)
 
 
 def rest(run: Run) -> None:
     """Claim 1: in each position the output at rest for the first preset time."""
-    positions, poses = run.parameters.all_positions, run.parameters.poses
-    for position in run.unfinished(positions, position_unit):
+    stands = stands_of(run.parameters)
+    for unit in run.unfinished(list(stands)):
         need_sensor_well(run)
-        place = f"{positions.index(position) + 1} of {len(positions)}"
-        measure_position(run, position, f"position {position}, {place}")
-    for word in run.unfinished(poses, pose_unit):
-        need_sensor_well(run)
-        lie(run, word, f"{in_words(word)}, {poses.index(word) + 1} of {len(poses)}")
+        measure_at_rest(run, unit, stands[unit])
 
 
 def biases(run: Run) -> None:
@@ -60,7 +59,7 @@ def rotate(run: Run) -> None:
         if not own:
             continue
         make_table_ready(run)
-        turn_up(run, word)
+        place(run, on_table(word))
         need_sensor_well(run)
         for record in run.unfinished(own, lambda record: record.unit):
             turn(run, record, f"record {turns.index(record) + 1} of {len(turns)}, {record.unit}")

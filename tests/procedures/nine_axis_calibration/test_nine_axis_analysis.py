@@ -24,6 +24,7 @@ from scipy.special import stdtrit
 
 from procedures.estimation.turn_encoder import unwrap
 from procedures.nine_axis_calibration.analysis import analyse
+from procedures.nine_axis_calibration.directions import PoseLimits
 from procedures.nine_axis_calibration.outlook import expected_uncertainty
 from procedures.nine_axis_calibration.pose import (
     ATTITUDES,
@@ -159,9 +160,9 @@ def test_one_position_is_judged_alone_before_it_is_accepted() -> None:
     for position in (1, 2, 3):
         rates = expected_rates(position, LATITUDE_DEG) + BIAS
         gravity = gravity_pattern(position)
-        assert check_pose(position, rates, gravity, LATITUDE_DEG).right
+        assert check_pose(position, rates, gravity, LATITUDE_DEG, PoseLimits()).right
         other = position % 3 + 1
-        wrong = check_pose(other, rates, gravity, LATITUDE_DEG)
+        wrong = check_pose(other, rates, gravity, LATITUDE_DEG, PoseLimits())
         assert not wrong.right
         assert wrong.stands_as == position
         assert wrong.why

@@ -63,7 +63,7 @@ def test_units_of_work_are_positions_and_each_axis_rate_and_sense() -> None:
         ({"dwell": "efficient", "dwell_time": "360 s"}, "give turns"),
         ({"turns": 2}, "give dwell_time"),
         ({"positions": [1, 3]}, "position 2 is skipped"),
-        ({"positions": [1, 2, 3, 3]}, "each position once"),
+        ({"positions": [1, 2, 3, 3]}, "3 stands twice"),
         ({"latitude": "95 deg"}, "less than or equal to 89"),
     ],
 )
