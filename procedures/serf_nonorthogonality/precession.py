@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.saturation import at_a_limit
+from procedures.estimation.frozen import equal_runs
 
 from .dataset import Precession, SerfDataset, Shot
 from .parameters import AnalysisSettings
@@ -20,6 +20,11 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 AT_THE_END = 0.9995
 """Part of full scale from which a sample counts as saturated."""
+CLIPPED = 4
+"""Equal extreme values in a row that nobody knows another reason for."""
+STEPS, TOP = 4.5, 0.62
+"""Within so many steps of a coarse recorder below its crest, a tone has the uppermost value in
+fewer than half of the samples, a clipped one in nearly all."""
 MAX_SATURATED = 0.1
 ALIKE = 0.1
 MIN_ALIKE = 4
@@ -34,9 +39,27 @@ SATURATED = 0.999
 
 def saturated_samples(shot: Shot) -> Mask:
     """Return which samples (n,) the recorder could not follow."""
-    if shot.full_scale_V is None:
-        return at_a_limit(shot.voltage_V)
-    return np.asarray(np.abs(shot.voltage_V) >= AT_THE_END * shot.full_scale_V)
+    volts = shot.voltage_V
+    if shot.full_scale_V is not None:
+        return np.asarray(np.abs(volts) >= AT_THE_END * shot.full_scale_V)
+    saturated = np.zeros(len(volts), dtype=bool)
+    levels = np.unique(volts)
+    step_V = float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
+    starts, lengths = equal_runs(volts)
+    for end in (float(np.max(volts)), float(np.min(volts))):
+        near = np.abs(volts - end) <= STEPS * step_V
+        here = (volts[starts] == end) & (lengths >= CLIPPED)
+        for first, length in zip(starts[here], lengths[here], strict=True):
+            last = first + length
+            crest = length + _run(near[:first][::-1]) + _run(near[last:])
+            if length >= TOP * crest:
+                saturated[first:last] = True
+    return saturated
+
+
+def _run(marked: Mask) -> int:
+    """Return how many elements are marked before the first that is not."""
+    return int(np.argmin(np.append(marked, False)))
 
 
 def look_at(shot: Shot, settings: AnalysisSettings, mains_Hz: float | None = None) -> Precession:

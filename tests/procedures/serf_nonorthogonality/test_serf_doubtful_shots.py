@@ -10,6 +10,7 @@ from serf_shots import Cell
 
 from procedures.serf_nonorthogonality.analysis import analyse
 from procedures.serf_nonorthogonality.dataset import SerfAnalysis, SerfDataset
+from procedures.serf_nonorthogonality.precession import saturated_samples
 
 COILS, RESIDUAL = (1.010, 0.995, 1.008), (1.0, -0.6, 0.8)
 
@@ -77,16 +78,15 @@ def test_known_coil_constants_are_not_denied_by_what_the_model_misses() -> None:
     assert not statements(analysis)
 
 
-@pytest.mark.parametrize("part, seen", [(1.0, False), (0.6, True)])
+@pytest.mark.parametrize("part, seen", [(1.0, False), (0.9, True)])
 def test_the_steps_of_a_coarse_recorder_are_no_saturation(part: float, seen: bool) -> None:
-    clean, shots = Cell(noise_V=0.005).dataset(0), []
+    clean = Cell(sample_rate_Hz=50_000.0, duration_s=0.02, noise_V=0.005).dataset(0)
+    found = []
     for shot in clean.shots:
-        steps = np.round(shot.voltage_V * 4096.0 / 2.4)
+        steps = np.round(shot.voltage_V * 256.0 / 2.4)
         clipped = np.minimum(steps, np.round(part * np.max(steps)))
-        shots.append(replace(shot, voltage_V=clipped * 2.4 / 4096.0))
-    found = {flag.code for flag in analyse(replace(clean, shots=shots)).flags}
-    assert ({"overload", "misfit"} <= found) == seen
-    assert seen or not {"overload", "misfit", "shot-rejected"} & found
+        found.append(bool(saturated_samples(replace(shot, voltage_V=clipped * 2.4 / 256.0)).any()))
+    assert sum(found) > 10 if seen else not any(found)
 
 
 @pytest.mark.parametrize("exchange", [5e5, 2e5])
