@@ -32,8 +32,9 @@ class Place(Generic[T]):
     @classmethod
     def of(cls, slopes: Array, residual: Array, what: T) -> Place[T]:
         """Return the place with slopes (k, n) and a residual (n,), over their noise or equal."""
-        cost = float(residual @ residual)
-        return cls(cost, slopes @ slopes.T, slopes @ residual, what)
+        with np.errstate(over="ignore", invalid="ignore"):  # far off; no step goes there
+            normal, right = slopes @ slopes.T, slopes @ residual
+        return cls(float(residual @ residual), normal, right, what)
 
 
 def descend(
