@@ -11,30 +11,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from procedures.common.constants import FULL_TURN_DEG
+from procedures.estimation.channel import smallest_step
 from station.findings import Flag
 
-from .axis_fit import AxisFit, fit_axis
-from .curve import CHECKED, Curve, published_curve
-from .dataset import AXES, PPM, Array, AxisTurns, FogDataset, Mask, TurnTable, turn_errors_deg
-from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
-from .misplaced import misplaced_flags
-from .parameters import AnalysisSettings
-from .repeated import copied_turns, repeat_flags
-from .table_checks import (
+from .checks import (
+    believable_temperatures,
+    copied_turns,
     heading_resolution_deg,
-    resolution_of,
     table_flags,
     units_of_headings,
     upright,
 )
+from .curve import CHECKED, Curve, published_curve
+from .dataset import AXES, PPM, AxisTurns, FogDataset, TurnTable, turn_errors_deg
+from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
+from .parameters import AnalysisSettings
+from .solution import AxisFit, fit_axis
 from .two_ways import two_ways
 from .verification import Driven, Verified, evaluate_drive, verification_flags, verify_axis
 
 NOT_REJECTED_RESOLUTIONS = 0.6
 """Of one reading of the heading: the robust deviation of coarse data may be nothing."""
-NEIGHBOURS = 9
-WILD_DEVIATIONS = 8.0
-WILD_TEMPERATURE_DEGC = 5.0
 UNIFORM = 12.0**-0.5
 COARSE_DEGC = 0.5
 SAME_PLACES = 0.25
@@ -57,14 +54,14 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     settings = settings or AnalysisSettings()
     step_deg = max(dataset.heading_resolution_deg, heading_resolution_deg(dataset.turns))
     floor_ppm = NOT_REJECTED_RESOLUTIONS * step_deg / FULL_TURN_DEG * PPM
-    flags = [*table_flags(dataset), *repeat_flags(dataset), *misplaced_flags(dataset)]
+    flags = table_flags(dataset)
     tables = axis_tables(dataset, dataset.turns)
     fits: dict[str, AxisFit] = {}
     published: dict[str, Curve | None] = {}
     for axis, turns in tables.items():
         bias = dataset.gyro_bias_deg_per_h or 0.0
         fits[axis], coarse_flags = coarse(fit_axis(turns, settings, floor_ppm, bias), dataset.turns)
-        fits[axis], further = two_ways(fits[axis], turns)
+        fits[axis], further = two_ways(fits[axis])
         flags += coarse_flags + further
         published[axis] = published_curve(turns, dataset.initial_order)
     verified: dict[str, Verified] = {}
@@ -79,10 +76,10 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
     curves = {axis: fit.curve for axis, fit in fits.items() if fit.curve is not None}
     driven = evaluate_drive(dataset.drive, curves) if dataset.drive and curves else None
     for axis, fit in fits.items():
-        flags += data_flags(tables[axis], fit, settings)
+        flags += data_flags(fit, settings)
         flags += fit_flags(fit, dataset, settings)
         flags += check_flags(fit, stated_turn_ppm(dataset, tables[axis]), settings)
-        flags += axis_flags(tables[axis], fit, dataset)
+        flags += axis_flags(fit, dataset)
         flags += verification_flags(verified.get(axis))
     flags += drive_flags(driven, curves, dataset.gyro_bias_deg_per_h)
     return FogAnalysis(fits, published, verified, driven, tuple(flags))
@@ -113,7 +110,7 @@ def coarse(fit: AxisFit, table: TurnTable) -> tuple[AxisFit, list[Flag]]:
         added += step_deg * UNIFORM / FULL_TURN_DEG * PPM
         steps.append(f"headings of {step_deg:g} deg, each turn from the same heading")
     both = np.concatenate((table.temperature_before_degC[own], table.temperature_after_degC[own]))
-    step_degC = resolution_of(both)
+    step_degC = smallest_step(both[np.isfinite(both)])
     if step_degC >= COARSE_DEGC:
         slope = np.abs(np.gradient(fit.curve.error_ppm(grid), grid))
         added = np.hypot(added, slope * step_degC * UNIFORM)
@@ -150,31 +147,3 @@ def axis_tables(dataset: FogDataset, table: TurnTable) -> dict[str, AxisTurns]:
                 usable[own],
             )
     return by_axis
-
-
-def believable_temperatures(table: TurnTable) -> Mask:
-    """Return which rows' temperatures can be, (rows,): a wild one would bend all columns.
-
-    Held against the median of the rows around, and before against after.
-    """
-    heat = table.temperature_degC
-    there = np.isfinite(heat)
-    if int(there.sum()) < NEIGHBOURS:
-        return there
-    off = _off_neighbours(heat[there])
-    jump = np.abs(table.temperature_after_degC - table.temperature_before_degC)[there]
-    good = (off <= _reach(off)) & (jump <= _reach(jump))
-    believable = there.copy()
-    believable[there] = good
-    return believable
-
-
-def _off_neighbours(values: Array) -> Array:
-    padded = np.pad(values, NEIGHBOURS // 2, mode="reflect", reflect_type="odd")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
-    return np.abs(values - np.median(windows, axis=1))
-
-
-def _reach(deviations: Array) -> float:
-    usual = 1.4826 * float(np.median(deviations))
-    return max(WILD_TEMPERATURE_DEGC, WILD_DEVIATIONS * usual)

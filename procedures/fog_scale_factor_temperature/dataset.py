@@ -235,6 +235,12 @@ def is_paired(turns: AxisTurns) -> bool:
     return bool(covered[sensing].mean() >= COVERED)
 
 
+def set_means(set_number: Index, *columns: Array) -> list[Array]:
+    """Return the means of columns (n,) over each set, in the order of the sets' numbers."""
+    _, place, count = np.unique(set_number, return_inverse=True, return_counts=True)
+    return [np.bincount(place, column) / count for column in columns]
+
+
 def distinct_temperatures(temperature_degC: Array) -> int:
     """Return at how many temperatures there are turns, those within half a degree taken as one."""
     return len(np.unique(np.floor(temperature_degC / SAME_TEMPERATURE_DEGC)))

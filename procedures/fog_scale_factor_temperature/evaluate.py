@@ -22,12 +22,13 @@ from station.findings import (
 )
 
 from .analysis import FogAnalysis, analyse
-from .axis_fit import WIDE, AxisFit, within
 from .curve import Band, Curve
 from .dataset import Drive, FogDataset
+from .flags import WIDE
 from .following import NAVIGATOR, ROOM_DEGC, TABLE
 from .from_import import Conditions, dataset_of_import
 from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, FogParameters
+from .solution import AxisFit
 from .verification import Driven, Verified
 
 if TYPE_CHECKING:
@@ -227,7 +228,7 @@ def _at_reference(fit: AxisFit, dataset: FogDataset, widest_degC: float) -> Esti
     band = Band(curve, dataset.gyro_bias_deg_per_h or 0.0)
     extra |= {"order": curve.order, "turn_noise": fit.noise_ppm, "band": band_data(band)}
     estimate = _estimate("scale_factor_error", fit, asked, False, extra)
-    if curve.holds(asked) and not within(fit.gaps_degC, asked, widest_degC):
+    if curve.holds(asked) and not fit.in_gap(asked, widest_degC):
         return estimate
     return undetermined(
         estimate.name, estimate.axis, estimate.unit, estimate.method, estimate.extra

@@ -31,9 +31,9 @@ from station.report.numbers import NOTHING, format_limit, format_number, format_
 from station.results import ResultDocument
 
 from .analysis import FogAnalysis
-from .axis_fit import AxisFit
 from .curve import Band
 from .dataset import Array, FogDataset
+from .solution import AxisFit
 from .verification import Driven, Verified
 
 TABLE_STEP_DEGC = 5.0
@@ -75,13 +75,13 @@ def _curves(analysis: FogAnalysis) -> Table:
     for axis, fit in analysis.fits.items():
         curve = fit.curve
         if curve is None:
-            rows.append([axis, str(len(fit.rows)), *[NOTHING] * 7])
+            rows.append([axis, str(len(fit.turns.rows)), *[NOTHING] * 7])
             continue
         low, high = curve.domain_degC
         rows.append(
             [
                 axis,
-                f"{int(fit.kept.sum())} of {len(fit.rows)}",
+                f"{int(fit.kept.sum())} of {len(fit.turns.rows)}",
                 f"{low:.2f} … {high:.2f}",
                 str(curve.order),
                 format_number(fit.noise_ppm, 3),
@@ -117,7 +117,7 @@ def _before_and_after(analysis: FogAnalysis, document: ResultDocument) -> Table:
     for axis, fit in analysis.fits.items():
         if fit.curve is None:
             continue
-        heat = fit.temperature_degC[fit.kept]
+        heat = fit.turns.temperature_degC[fit.kept]
         size = fit.curve.error_ppm(heat)
         rows.append(_row(axis, "the curve's own turns", size, fit.residual_ppm[fit.kept]))
         verified = analysis.verified.get(axis)
@@ -190,9 +190,9 @@ def _compensation(analysis: FogAnalysis, gyro_bias_deg_per_h: float) -> Table:
 def _left_out(analysis: FogAnalysis) -> Table:
     rows = [
         [
-            str(fit.rows[n]),
+            str(fit.turns.rows[n]),
             axis,
-            f"{fit.temperature_degC[n]:.2f}",
+            f"{fit.turns.temperature_degC[n]:.2f}",
             format_number(float(fit.residual_ppm[n]), 3),
         ]
         for axis, fit in analysis.fits.items()
@@ -267,7 +267,7 @@ def _curve(fit: AxisFit, analysis: FogAnalysis) -> tuple[Item, ...]:
     """Return the turns, the curve and the published curve."""
     assert fit.curve is not None
     heat = fit.curve.temperatures_degC(GRID)
-    turns = _dots(fit.axis, fit.temperature_degC[fit.kept], fit.error_ppm[fit.kept])
+    turns = _dots(fit.axis, fit.turns.temperature_degC[fit.kept], fit.error_ppm[fit.kept])
     items = (
         replace(turns, opacity=0.6, label="turns"),
         Line(heat, fit.curve.error_ppm(heat), colour=INK, width=1.2, label="curve"),
@@ -289,8 +289,8 @@ def _residuals(fit: AxisFit, gyro_bias_deg_per_h: float, reach: float) -> tuple[
     edge = np.clip(fit.residual_ppm[out], -reach, reach)
     return (
         *(Shade(heat, -u, u) for u in (band.whole_ppm(heat), band.expanded_ppm(heat))),
-        _dots(fit.axis, fit.temperature_degC[fit.kept], fit.residual_ppm[fit.kept], 3.5),
-        Points(fit.temperature_degC[out], edge, marker="^", colour=ORANGE, size=5.0),
+        _dots(fit.axis, fit.turns.temperature_degC[fit.kept], fit.residual_ppm[fit.kept], 3.5),
+        Points(fit.turns.temperature_degC[out], edge, marker="^", colour=ORANGE, size=5.0),
     )
 
 

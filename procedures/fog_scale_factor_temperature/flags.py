@@ -10,11 +10,11 @@ from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.estimation.flags import not_identifiable, rows_listed, too_stiff
 from station.findings import Flag, contradiction
 
-from .axis_fit import WIDE, AxisFit, within
-from .axis_problem import stiffness
 from .curve import Curve
 from .dataset import PPM, AxisTurns, FogDataset, Mask
+from .model import stiffness
 from .parameters import PUBLISHED_ORDER, AnalysisSettings
+from .solution import AxisFit
 from .verification import Driven
 
 DRIVE_BEYOND, LARGE_DEG = 5.0, 1.0
@@ -31,14 +31,16 @@ SMOOTH, FEWEST_SETS = 0.3, 10
 MOST, MAX_SIGMA, PLAINLY = 0.85, 1.44, 0.75
 """Of the turns, how far the outermost of them lies in standard deviations, and how much of a noise
 beyond the stated one they have to show: what a few turns make alone is no noise."""
+WIDE = 2.0
+"""Times the threshold of the flag of a gap: from such a width on no value is given within."""
 SPEEDS = 1.6
 """Of turns of two commands, one over the other."""
 
 
-def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> list[Flag]:
+def data_flags(fit: AxisFit, settings: AnalysisSettings) -> list[Flag]:
     """Return the flags on the rows of an axis: what was left out, and gaps."""
     flags = []
-    rows = fit.rejected_rows
+    turns, rows = fit.turns, fit.rejected_rows
     if rows:
         rejected_text = (
             f"{len(rows)} of {len(turns.rows)} turns about {turns.axis} lie more than "
@@ -47,13 +49,14 @@ def data_flags(turns: AxisTurns, fit: AxisFit, settings: AnalysisSettings) -> li
         )
         details = {"count": len(rows), "rows": rows}
         flags.append(Flag("outliers-rejected", rejected_text, turns.axis, details))
-    return flags + _heaps(turns, fit) + _gaps(turns, settings)
+    return flags + _heaps(fit) + _gaps(turns, settings)
 
 
-def _heaps(turns: AxisTurns, fit: AxisFit) -> list[Flag]:
+def _heaps(fit: AxisFit) -> list[Flag]:
     """Return the flag of neighbouring sets that all disagree: wild turns do not come in heaps."""
     if fit.curve is None:
         return []
+    turns = fit.turns
     sensing = turns.usable & turns.sensing
     numbers = turns.sets()
     whole = [n for n in numbers if bool((sensing & (turns.set_number == n)).any())]
@@ -132,7 +135,7 @@ def fit_flags(fit: AxisFit, dataset: FogDataset, settings: AnalysisSettings) -> 
             f"degC, where there are turns about {fit.axis}; no value is given."
         )
         flags.append(Flag("extrapolation", outside_text, fit.axis, {"temperature_degC": asked}))
-    if within(fit.gaps_degC, asked, WIDE * settings.temperature_gap_degC):
+    if fit.in_gap(asked, WIDE * settings.temperature_gap_degC):
         gap_text = (
             f"No turn about {fit.axis} was made within {settings.temperature_gap_degC:g} degC and "
             f"more around the reference temperature of {asked:g} degC: no value is given."
@@ -202,8 +205,9 @@ def stated_turn_ppm(dataset: FogDataset, turns: AxisTurns) -> float | None:
     return float(np.sqrt(square)) / FULL_TURN_DEG * PPM
 
 
-def axis_flags(turns: AxisTurns, fit: AxisFit, dataset: FogDataset) -> list[Flag]:
+def axis_flags(fit: AxisFit, dataset: FogDataset) -> list[Flag]:
     """Return the flags of turns that were not what the column of the commanded angle says."""
+    turns = fit.turns
     sensing = turns.usable & turns.sensing
     if fit.curve is None or not bool(sensing.any()):
         return []

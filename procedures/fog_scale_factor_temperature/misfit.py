@@ -16,17 +16,11 @@ import numpy as np
 from scipy.special import stdtrit
 
 from procedures.estimation.linear import combine
-from procedures.estimation.orthogonal import (
-    MAD_TO_SIGMA,
-    orthogonal_part,
-    project,
-    solve_by_qr,
-    thin_qr,
-)
+from procedures.estimation.orthogonal import MAD_TO_SIGMA, orthogonal_part, solve_by_qr, thin_qr
 
-from .axis_problem import AxisProblem, Solved, Walk, deleted_residuals
 from .curve import CHECKED, chebyshev_columns
-from .dataset import Array, Index, Mask, sets_with_bias
+from .dataset import Array, Index, Mask, set_means, sets_with_bias
+from .model import AxisProblem, Solved, Walk, squares_left
 from .parameters import PUBLISHED_ORDER
 
 CHANCE = 1e-3
@@ -72,63 +66,52 @@ class Misfit:
 
 
 def misfit_of(
-    problem: AxisProblem,
-    kept: Mask,
-    solved: Solved,
-    noise: float,
-    freedom: float,
-    bias_ppm: float = 0.0,
+    problem: AxisProblem, solved: Solved, noise: float, freedom: float, bias_ppm: float = 0.0
 ) -> Misfit | None:
     """Return the shape that explains the residuals best, where noise alone seldom would; else None.
 
     `noise` is that of a turn in ppm, with its degrees of freedom; `bias_ppm` is what a bias that
     turns of one sense do not show may change by within its specification.
     """
-    if noise <= 0.0 or freedom < 3.0:
-        return None
-    rows = kept | agreeing(problem, kept, solved)
-    turns = problem.turns
-    heat = turns.temperature_degC
-    centres = _centres(problem, rows)
-    if len(centres) < 4:
+    turns, order = problem.turns, solved.order
+    rows = solved.kept | agreeing(problem, solved)
+    own = rows & turns.sensing
+    centres = np.unique(set_means(turns.set_number[own], turns.temperature_degC[own])[0])
+    if noise <= 0.0 or freedom < 3.0 or len(centres) < 4:
         return None
     steps = np.diff(centres)
-    widths = np.array(WIDTHS) * float(np.median(steps[steps > 0.0]))
-    columns = _shapes(heat[rows], centres, widths) * turns.turns[rows][:, None]
-    design, biases = problem.design(solved.domain_degC, solved.order)
+    widths = np.array(WIDTHS) * float(np.median(steps))
     walk = Walk(problem.turn_times.of(rows), solved.ratio)
-    basis = thin_qr(walk.whiten(design[rows]))[0]
-    left = orthogonal_part(basis, combine(walk.factor, problem.data[rows]))
-    white = walk.whiten(columns)
-    whole = np.einsum("ij,ij->j", white, white)
-    white = white - np.einsum("ij,jk->ik", basis, np.einsum("ij,ik->jk", basis, white))
-    own = np.einsum("ij,ij->j", white, white)
-    resolved = own > OWN_PART**2 * whole
-    own = np.where(resolved, own, 1.0)
+    data = combine(walk.factor, problem.data[rows])
+    highest = max(order, min(PUBLISHED_ORDER, problem.highest_order(rows)))
+    design, biases = problem.design(solved.domain_degC, highest)
+    design = walk.whiten(design[rows])
+    shapes = _shapes(turns.temperature_degC[rows], centres, widths) * turns.turns[rows][:, None]
+    shapes = walk.whiten(shapes)
+    basis = thin_qr(design[:, : biases + order + 1])[0]
+    left = orthogonal_part(basis, data)
+    white = shapes - np.einsum("ij,jk->ik", basis, np.einsum("ij,ik->jk", basis, shapes))
+    size, whole = np.einsum("ij,ij->j", white, white), np.einsum("ij,ij->j", shapes, shapes)
+    resolved = size > OWN_PART**2 * whole
     along = np.where(resolved, np.einsum("ij,i->j", white, left), 0.0)
-    score = np.abs(along) / np.sqrt(own) / noise
-    best, order, sure, share = int(np.argmax(score)), solved.order, True, 1.0
+    score = np.abs(along) / np.sqrt(np.where(resolved, size, 1.0)) / noise
+    best, sure, share = int(np.argmax(score)), True, 1.0
     if score[best] < -float(stdtrit(freedom, 0.5 * CHANCE / len(score))):
-        kinks = walk.whiten(columns[:, : len(centres)])
-        data = combine(walk.factor, problem.data[rows])
-        highest = min(max(order, PUBLISHED_ORDER), problem.highest_order(rows))
-        whole = walk.whiten(problem.design(solved.domain_degC, max(order, highest))[0][rows])
-        kink = _kink(whole, biases, solved.order, kinks, data)
+        kinks = shapes[:, : len(centres)]
+        kink = _kink(design, biases, solved.order, kinks, data)
         if kink is None:
             return None
         best, order, gain = kink
         sure = gain >= BETTER
         share = 1.0 / (1.0 + (1.0 / KINKS - 1.0) * np.exp(-0.5 * gain))
-    inner = walk.whiten(design[rows][:, : biases + order + 1])
-    both = np.column_stack((inner, walk.whiten(columns[:, best : best + 1])))
-    better = solve_by_qr(both, combine(walk.factor, problem.data[rows])).coefficients
-    grid = np.linspace(*solved.domain_degC, CHECKED)
-    followed = chebyshev_columns(grid, solved.domain_degC, solved.order)
+    both = np.column_stack((design[:, : biases + order + 1], shapes[:, best]))
+    better = solve_by_qr(both, data).coefficients
     amount = float(better[-1])
-    other = combine(followed[:, : order + 1], better[biases:-1])
-    other = other + amount * _shapes(grid, centres, widths)[:, best]
-    off = other - combine(followed, solved.fit.coefficients[biases:])
-    if float(np.max(np.abs(off))) <= BY_BIAS * bias_ppm:
+    grid = np.linspace(*solved.domain_degC, CHECKED)
+    off = combine(chebyshev_columns(grid, solved.domain_degC, order), better[biases:-1])
+    off = off + amount * _shapes(grid, centres, widths)[:, best] - solved.error_ppm(grid)
+    largest = float(np.max(np.abs(off)))
+    if largest <= BY_BIAS * bias_ppm:
         return None
     kind, place = divmod(best, len(centres))
     return Misfit(
@@ -137,7 +120,7 @@ def misfit_of(
         at_degC=float(centres[place]),
         width_degC=0.0 if kind == 0 else float(widths[kind - 1]),
         slope_ppm_per_degC=amount if kind == 0 else 0.0,
-        size_ppm=float(np.max(np.abs(off))),
+        size_ppm=largest,
         left_ppm=np.abs(off) * np.sqrt(share),
     )
 
@@ -153,37 +136,26 @@ def _kink(
     """
     rows = len(data)
 
-    def criterion(square: float, columns: int) -> float:
-        return float(rows * np.log(max(square, 1e-300) / rows) + columns * np.log(rows))
+    def criteria(columns: Array, first: int, more: int = 0) -> Array:
+        """Return the criterion of the first columns from so many on; `more` count beside them."""
+        square = np.maximum(squares_left(columns, data)[first - 1 :], 1e-300)
+        count = np.arange(first, columns.shape[1] + 1) + more
+        return np.asarray(rows * np.log(square / rows) + count * np.log(rows))
 
-    def squares(columns: Array) -> Array:
-        gains = project(thin_qr(columns)[0], data) ** 2
-        return np.asarray(float(data @ data) - np.cumsum(gains))
-
-    left = squares(whole)
-    smooth = min(criterion(float(left[n - 1]), n) for n in range(biases + 1, whole.shape[1] + 1))
+    smooth = float(criteria(whole, biases + 1).min())
     design, limit = whole[:, : biases + highest + 1], smooth - PERHAPS
     kink = None
     for place in range(kinks.shape[1]):
-        ordered = np.column_stack((design[:, :biases], kinks[:, place], design[:, biases:]))
-        if float(np.linalg.norm(ordered[:, biases])) <= 0.0:
+        if float(np.linalg.norm(kinks[:, place])) <= 0.0:
             continue
-        left = squares(ordered)
-        for order in range(1, design.shape[1] - biases):
-            count = biases + order + 1 + KINK_COLUMNS
-            value = criterion(float(left[biases + 1 + order]), count)
-            if value < limit:
-                kink, limit = (place, order, smooth - value), value
+        ordered = np.column_stack((design[:, :biases], kinks[:, place], design[:, biases:]))
+        # With its size a kink counts for its place.
+        values = criteria(ordered, biases + 3, KINK_COLUMNS - 1)
+        order = int(np.argmin(values)) if len(values) else 0
+        if len(values) and values[order] < limit:
+            limit = float(values[order])
+            kink = (place, order + 1, smooth - limit)
     return kink
-
-
-def _centres(problem: AxisProblem, rows: Mask) -> Array:
-    """Return the temperatures of the sets, rising."""
-    turns = problem.turns
-    own = rows & turns.sensing
-    numbers, place = np.unique(turns.set_number[own], return_inverse=True)
-    heat = np.bincount(place, turns.temperature_degC[own], len(numbers)) / np.bincount(place)
-    return np.unique(heat)
 
 
 def _shapes(heat: Array, centres: Array, widths: Array) -> Array:
@@ -193,22 +165,21 @@ def _shapes(heat: Array, centres: Array, widths: Array) -> Array:
     return np.column_stack((np.maximum(apart, 0.0), *bumps))
 
 
-def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
+def agreeing(problem: AxisProblem, solved: Solved) -> Mask:
     """Return the rows of sets with rejected turns that are off as a feature is, (rows,).
 
     Turns of both senses then say the same: they leave the bias of their set where the sets around
     have it. Turns of one sense are off together with their neighbours; a wait beside them says
     nothing of them.
     """
-    turns = problem.turns
-    agree = np.zeros(len(kept), dtype=bool)
-    rejected = problem.candidates & turns.sensing & ~kept
-    if not bool(rejected.any()) or solved.fit.noise <= 0.0:
+    turns, inside = problem.turns, problem.candidates
+    agree = np.zeros(len(inside), dtype=bool)
+    rejected = inside & turns.sensing & ~solved.kept
+    if not bool(rejected.any()) or solved.noise <= 0.0:
         return agree
-    design, biases = problem.design(solved.domain_degC, solved.order)
-    inside = problem.candidates
     if len(np.unique(np.sign(turns.turns[inside & turns.sensing]))) > 1:
-        left = problem.data - design[:, biases:] @ solved.fit.coefficients[biases:]
+        design, biases = problem.design(solved.domain_degC, solved.order)
+        left = problem.data - design[:, biases:] @ solved.curve_ppm
         biased = list(sets_with_bias(turns, inside, left))
         bias = np.array([turn_set.bias_deg_per_h for turn_set in biased])
         off = np.abs(bias - _median_around(bias))
@@ -216,15 +187,8 @@ def agreeing(problem: AxisProblem, kept: Mask, solved: Solved) -> Mask:
         for turn_set, same in zip(biased, calm, strict=True):
             agree[turn_set.rows] = bool(same) and bool(rejected[turn_set.rows].any())
         return agree
-    off = np.zeros(len(kept))
-    off[inside] = deleted_residuals(
-        design[inside],
-        problem.data[inside],
-        problem.turn_times.of(inside),
-        solved.ratio,
-        kept[inside],
-    )
-    off = off / max(solved.fit.noise, problem.floor_ppm) * np.sign(turns.turns)
+    noise = max(solved.noise, problem.floor_ppm)
+    off = problem.deleted_residuals(solved) / noise * np.sign(turns.turns)
     sets = [
         np.flatnonzero(inside & turns.sensing & (turns.set_number == n))
         for n in np.unique(turns.set_number[inside & turns.sensing])

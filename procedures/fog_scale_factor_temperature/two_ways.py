@@ -10,9 +10,9 @@ from scipy.special import fdtrc
 from procedures.estimation.orthogonal import solve_by_qr
 from station.findings import Flag
 
-from .axis_fit import AxisFit
 from .curve import CHECKED, chebyshev_columns
-from .dataset import AxisTurns
+from .dataset import set_means
+from .solution import AxisFit
 
 WAY_DEGC = 0.1
 """From set to set: the gyro warms, or cools."""
@@ -23,7 +23,7 @@ SHAPE_ORDER = 3
 FEWEST_SETS = 10
 
 
-def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
+def two_ways(fit: AxisFit) -> tuple[AxisFit, list[Flag]]:
     """Return an axis with what its warming and cooling turns differ by in u, and the flag of it.
 
     A curve between the two branches of a loop leaves residuals of one sign on each. The difference
@@ -32,11 +32,11 @@ def two_ways(fit: AxisFit, turns: AxisTurns) -> tuple[AxisFit, list[Flag]]:
     kept = fit.kept & np.isfinite(fit.error_ppm)
     if fit.curve is None or int(kept.sum()) < 2 * FEWEST_SETS:
         return fit, []
-    middle, place = np.unique(turns.set_number[kept], return_inverse=True)
-    count = np.bincount(place)
-    heat = np.bincount(place, turns.temperature_degC[kept]) / count
-    left = np.bincount(place, fit.residual_ppm[kept]) / count
-    slope = np.gradient(heat) if len(middle) > 1 else np.zeros(1)
+    turns = fit.turns
+    heat, left = set_means(
+        turns.set_number[kept], turns.temperature_degC[kept], fit.residual_ppm[kept]
+    )
+    slope = np.gradient(heat) if len(heat) > 1 else np.zeros(1)
     branches = [slope > WAY_DEGC, slope < -WAY_DEGC]
     if min(int(branch.sum()) for branch in branches) < FEWEST_SETS:
         return fit, []

@@ -16,9 +16,9 @@ from procedures.common.constants import EARTH_RATE_DEG_PER_H, SECONDS_PER_HOUR
 from procedures.estimation.linear import robust_sigma
 from station.findings import Flag, contradiction
 
-from .axis_fit import AxisFit
 from .curve import Curve
 from .dataset import AXES, PPM, Array, AxisTurns, Drive, is_paired, sets_with_bias, wrapped_deg
+from .solution import AxisFit
 
 OUTSIDE_DEGC = 1.0
 FEWEST = 6

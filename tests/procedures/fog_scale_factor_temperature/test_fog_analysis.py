@@ -9,8 +9,8 @@ import pytest
 from fog_records import CURVES, NOISE_DEG, knocked, only, other, quartic, record
 
 from procedures.fog_scale_factor_temperature.analysis import FogAnalysis, analyse
-from procedures.fog_scale_factor_temperature.axis_fit import AxisFit
 from procedures.fog_scale_factor_temperature.curve import Band, Curve
+from procedures.fog_scale_factor_temperature.solution import AxisFit
 
 WAITING = (360, 0)
 
@@ -71,7 +71,7 @@ def test_noise_is_answered_by_the_bound_and_by_intervals_that_hold_the_truth() -
         band = Band(curve)
         inside.append(np.mean(np.abs(off_ppm(curve)) <= band.expanded_ppm(heat)))
         whole.append(np.all(np.abs(off_ppm(curve)) <= band.whole_ppm(heat)))
-        columns = curve.columns(fit.temperature_degC)
+        columns = curve.columns(fit.turns.temperature_degC)
         bound = np.linalg.inv(columns.T @ columns)
         there = curve.columns(heat)
         limit = np.sqrt(np.einsum("ij,jk,ik->i", there, bound, there))
@@ -100,13 +100,13 @@ def test_wild_and_missing_turns_are_told_one_by_one() -> None:
 
 def test_a_pair_with_a_knocked_turn_keeps_its_good_one() -> None:
     fit, _ = fit_of(analyse(knocked(record(1, walk=0.05), [51], 0.05)))
-    assert [int(row) for row in fit.rows[~fit.kept]] == [51]
+    assert [int(row) for row in fit.turns.rows[~fit.kept]] == [51]
 
 
 def test_wild_turns_at_the_end_of_the_range_are_not_taken_for_the_curve() -> None:
     for rows in ([0, 1, 2], [105, 106, 107]):
         fit, curve = fit_of(analyse(knocked(record(1), rows, 0.1)))
-        assert [int(row) for row in fit.rows[~fit.kept]] == rows
+        assert [int(row) for row in fit.turns.rows[~fit.kept]] == rows
         assert curve.order == 4
 
 
@@ -116,7 +116,7 @@ def test_a_wild_temperature_is_no_turn_at_that_temperature() -> None:
     heat[30] = 850.0
     turns = replace(dataset.turns, temperature_after_degC=heat)
     fit, curve = fit_of(analyse(replace(dataset, turns=turns)))
-    assert [int(row) for row in fit.rows[~fit.kept]] == [30]
+    assert [int(row) for row in fit.turns.rows[~fit.kept]] == [30]
     assert curve.domain_degC[1] < 60.0
 
 

@@ -23,7 +23,15 @@ from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import choose_by_information, project, solve_by_qr, thin_qr
 
 from .curve import chebyshev_columns
-from .dataset import SAME_TEMPERATURE_DEGC, Array, AxisTurns, Mask, distinct_temperatures, is_paired
+from .dataset import (
+    SAME_TEMPERATURE_DEGC,
+    Array,
+    AxisTurns,
+    Mask,
+    distinct_temperatures,
+    is_paired,
+    set_means,
+)
 from .parameters import AnalysisSettings
 
 COARSE = np.concatenate(([0.0], 10.0 ** np.linspace(-4.0, 7.0, 45)))
@@ -114,22 +122,6 @@ def _likeliest(columns: Array, times: TurnTimes, ratios: Array) -> float:
     return float(ratios[int(np.argmin(criterion))])
 
 
-@dataclass(frozen=True)
-class CorrelatedFit:
-    """A generalised least-squares solution; noise in the unit of the data.
-
-    `inverse_normal` times `noise` squared is the covariance. `white` (n,) is what the solution
-    leaves once the walk, too, is taken off: the turns' own errors. What the walk takes of the data
-    is no degree of freedom of the noise.
-    """
-
-    coefficients: Array
-    inverse_normal: Array
-    noise: float
-    degrees_of_freedom: float
-    white: Array
-
-
 class Walk:
     """Turns whose errors share a walk of the bias: V = 1 + ratio x covariance of the walk."""
 
@@ -144,66 +136,43 @@ class Walk:
         """Return columns (n, k) whose errors would be independent and of equal size."""
         return np.asarray(np.einsum("ij,jk->ik", self.factor, columns))
 
-    def fit(self, design: Array, data: Array) -> CorrelatedFit:
-        """Solve `design` (n, k) b = `data` (n,)."""
-        solved = solve_by_qr(self.whiten(design), combine(self.factor, data))
-        free = len(data) - design.shape[1]
-        noise = float(np.sqrt(solved.sum_of_squares / free)) if free > 0 else 0.0
-        own = float((self.factor**2).sum()) - design.shape[1]
-        return CorrelatedFit(
-            solved.coefficients,
-            solved.inverse_normal,
-            noise,
-            max(own, 1.0),
-            project(self.factor, solved.residuals),
-        )
-
-
-def deleted_residuals(
-    design: Array, data: Array, times: TurnTimes, ratio: float, kept: Mask
-) -> Array:
-    """Return how far each row lies from what the other kept rows foretell, shape (n,).
-
-    In units of its standard deviation, the white noise taken for one; columns `design` (n, k), a
-    walk of size `ratio`.
-    """
-    walk = Walk(times.of(kept), ratio)
-    columns = walk.whiten(design[kept])
-    solved = solve_by_qr(columns, combine(walk.factor, data[kept]))
-    result = np.zeros(len(data))
-    # Of a kept row: (P y)_i / sqrt(P_ii), with P the projector that takes the columns out.
-    hat = np.einsum("ji,jk->ik", walk.factor, columns)
-    own = np.einsum("ji,ji->i", walk.factor, walk.factor)
-    own = own - np.einsum("ij,ij->i", combine_all(hat, solved.inverse_normal), hat)
-    alone = own < 1e-9
-    left = project(walk.factor, solved.residuals)
-    result[kept] = np.where(alone, 0.0, left / np.sqrt(np.where(alone, 1.0, own)))
-    out = ~kept
-    if bool(out.any()):
-        shared = walk.whiten(ratio * times.covariance(kept, out))
-        predicted = combine(design[out], solved.coefficients) + project(shared, solved.residuals)
-        gap = design[out] - np.einsum("ji,jk->ik", shared, columns)
-        variance = 1.0 + ratio * times.since[out] * times.weight[out] ** 2
-        variance = variance - np.einsum("ji,ji->i", shared, shared)
-        variance = variance + np.einsum("ij,ij->i", combine_all(gap, solved.inverse_normal), gap)
-        result[out] = (data[out] - predicted) / np.sqrt(variance)
-    return result
-
-
-def combine_all(columns: Array, matrix: Array) -> Array:
-    """Return X M for columns X (n, k) and a small matrix M (k, m), by one core."""
-    return np.asarray(np.einsum("ij,jk->ik", columns, matrix))
-
 
 @dataclass(frozen=True)
 class Solved:
-    """What one choice of rows gives: range, order, size of the walk, fit, correlation."""
+    """What one choice of rows gives: range, order, size of the walk, and a least-squares solution.
 
+    `coefficients` (p,) are those of the bias, then those of the curve in ppm; `inverse_normal`
+    times `noise` squared is their covariance. `white` (n,) is what the solution leaves of the kept
+    turns once the walk, too, is taken off; what the walk takes of the data is no degree of freedom
+    of the noise. `lag_one` is the correlation of neighbouring sets.
+    """
+
+    kept: Mask
     domain_degC: tuple[float, float]
     order: int
     ratio: float
-    fit: CorrelatedFit
+    coefficients: Array
+    inverse_normal: Array
+    noise: float
+    degrees_of_freedom: float
+    white: Array
     lag_one: float
+
+    @property
+    def curve_ppm(self) -> Array:
+        """The coefficients of the curve alone, lowest order first."""
+        return self.coefficients[-self.order - 1 :]
+
+    def error_ppm(self, temperature_degC: Array) -> Array:
+        """Return the scale-factor error at temperatures (n,), not held at the ends of the range."""
+        columns = chebyshev_columns(temperature_degC, self.domain_degC, self.order)
+        return combine(columns, self.curve_ppm)
+
+
+def squares_left(columns: Array, data: Array) -> Array:
+    """Return the squares that the first 1 .. k of the columns (n, k) leave of data (n,)."""
+    gains = project(thin_qr(columns)[0], data) ** 2
+    return np.maximum(float(data @ data) - np.cumsum(gains), 0.0)
 
 
 class AxisProblem:
@@ -259,7 +228,7 @@ class AxisProblem:
             highest = 0
         order, ratio = highest, self._ratio(kept, domain, highest)
         for _ in range(2):
-            asked = self._order(kept, domain, highest, ratio)
+            asked = self.order_of(kept, domain, highest, ratio)
             if asked == order:
                 break
             order, ratio = asked, self._ratio(kept, domain, asked)
@@ -277,42 +246,72 @@ class AxisProblem:
         design = self.design(domain, order)[0][kept]
         return walk_ratio(design, self.data[kept], self.turn_times.of(kept))
 
-    def order_of(self, kept: Mask, solved: Solved) -> int:
-        """Return the order that some rows ask for, range and walk as in a solution; -1 if none."""
-        highest = self.highest_order(kept)
-        if highest < 0:
-            return -1
-        return self._order(kept, solved.domain_degC, highest, solved.ratio)
-
-    def _order(self, kept: Mask, domain: tuple[float, float], highest: int, ratio: float) -> int:
+    def order_of(self, kept: Mask, domain: tuple[float, float], highest: int, ratio: float) -> int:
+        """Return the order that some rows ask for, in a range and with a walk of a size."""
         design, biases = self.design(domain, highest)
         walk = Walk(self.turn_times.of(kept), ratio)
-        q, _ = thin_qr(walk.whiten(design[kept]))
-        data = combine(walk.factor, self.data[kept])
-        gains = project(q, data) ** 2
-        left = float(data @ data) - np.cumsum(gains)
-        sums = np.maximum(left[biases:], 0.0)
+        left = squares_left(walk.whiten(design[kept]), combine(walk.factor, self.data[kept]))
         columns = [biases + order + 1 for order in range(highest + 1)]
-        return choose_by_information(list(sums), columns, int(kept.sum()))
+        return choose_by_information(list(left[biases:]), columns, int(kept.sum()))
 
     def fit_of_order(
         self, kept: Mask, domain: tuple[float, float], order: int, ratio: float
     ) -> Solved:
         """Fit the kept rows with a curve of this order and a walk of this size."""
-        design, _ = self.design(domain, order)
+        design = self.design(domain, order)[0][kept]
         walk = Walk(self.turn_times.of(kept), ratio)
-        fit = walk.fit(design[kept], self.data[kept])
-        return Solved(domain, order, ratio, fit, self._lag_one(kept, fit.white))
+        solved = solve_by_qr(walk.whiten(design), combine(walk.factor, self.data[kept]))
+        rows, width = design.shape
+        noise = float(np.sqrt(solved.sum_of_squares / (rows - width))) if rows > width else 0.0
+        white = project(walk.factor, solved.residuals)
+        return Solved(
+            kept,
+            domain,
+            order,
+            ratio,
+            solved.coefficients,
+            solved.inverse_normal,
+            noise,
+            max(float((walk.factor**2).sum()) - width, 1.0),
+            white,
+            self._lag_one(kept, white),
+        )
+
+    def deleted_residuals(self, solved: Solved) -> Array:
+        """Return how far each candidate lies from what the other kept rows foretell, (rows,).
+
+        In units of its standard deviation, the white noise taken for one; zero of other rows.
+        """
+        kept, ratio, times = solved.kept, solved.ratio, self.turn_times
+        design = self.design(solved.domain_degC, solved.order)[0]
+        walk = Walk(times.of(kept), ratio)
+        columns = walk.whiten(design[kept])
+        fit = solve_by_qr(columns, combine(walk.factor, self.data[kept]))
+        result = np.zeros(len(kept))
+        # Of a kept row: (P y)_i / sqrt(P_ii), with P the projector that takes the columns out.
+        hat = np.einsum("ji,jk->ik", walk.factor, columns)
+        own = np.einsum("ji,ji->i", walk.factor, walk.factor)
+        own = own - np.einsum("ij,jk,ik->i", hat, fit.inverse_normal, hat)
+        alone = own < 1e-9
+        left = project(walk.factor, fit.residuals)
+        result[kept] = np.where(alone, 0.0, left / np.sqrt(np.where(alone, 1.0, own)))
+        out = self.candidates & ~kept
+        if bool(out.any()):
+            shared = walk.whiten(ratio * times.covariance(kept, out))
+            predicted = combine(design[out], fit.coefficients) + project(shared, fit.residuals)
+            gap = design[out] - np.einsum("ji,jk->ik", shared, columns)
+            variance = 1.0 + ratio * times.since[out] * times.weight[out] ** 2
+            variance = variance - np.einsum("ji,ji->i", shared, shared)
+            variance = variance + np.einsum("ij,jk,ik->i", gap, fit.inverse_normal, gap)
+            result[out] = (self.data[out] - predicted) / np.sqrt(variance)
+        return result
 
     def _lag_one(self, kept: Mask, white: Array) -> float:
         """Return the correlation of neighbouring sets' residuals in the order of temperature."""
         turns = self.turns
-        sensing = turns.sensing[kept]
-        own = white[sensing] / turns.turns[kept][sensing]
-        _, place = np.unique(turns.set_number[kept][sensing], return_inverse=True)
-        count = np.bincount(place)
-        mean = np.bincount(place, own) / count
-        heat = np.bincount(place, turns.temperature_degC[kept][sensing]) / count
+        own = kept & turns.sensing
+        left = white[turns.sensing[kept]] / turns.turns[own]
+        mean, heat = set_means(turns.set_number[own], left, turns.temperature_degC[own])
         ordered = mean[np.argsort(heat, kind="stable")]
         power = float(ordered @ ordered)
         return float(ordered[1:] @ ordered[:-1]) / power if power > 0.0 else 0.0
