@@ -36,6 +36,8 @@ THERMOMETER = channel.Channel(
 NEARLY_ALIKE = 0.2
 MOSTLY_NEW = 0.97
 """Of the other readings of a voltmeter or gaussmeter, where angle or field changed."""
+ONE_STEP = 1.5
+"""Readings that change by one same step are coarse."""
 LONG_STAY = 1.5
 """Times the usual stay at an angle: a longer one may be an encoder that stands still."""
 MOVED_PART, MOVED_V = 0.1, 5e-3
@@ -93,6 +95,7 @@ def screen(dataset: AccelerometerDataset) -> Screened:
         mounted = np.append(False, dataset.plane[1:] != dataset.plane[:-1])
         warm = channel.screen(THERMOMETER, dataset.temperature_degC, free=mounted)
         still = warm.frozen | warm.copied | warm.saturated
+        still |= repeated_temperature(dataset.temperature_degC)
         wild_degC = warm.wild | warm.missing
         if still.any():
             dataset, wild_degC = replace(dataset, temperature_degC=None), still & False
@@ -114,6 +117,20 @@ def screen(dataset: AccelerometerDataset) -> Screened:
     }
     left_out = tuple(LeftOut(row, first[row]) for row in sorted(first))
     return Screened(dataset, usable, left_out, np.flatnonzero(still))
+
+
+def repeated_temperature(temperature_degC: Array) -> Mask:
+    """Return which readings (n,) repeat the one before to the last digit, ten and more in a row.
+
+    In few rows no noise tells a frozen thermometer from a coarse one, but that stands at several
+    readings and changes by one same step.
+    """
+    still = frozen(temperature_degC)
+    if len(np.unique(temperature_degC[still])) < 2:
+        return still
+    changes = np.abs(np.diff(temperature_degC))
+    changes = changes[changes > 0.0]
+    return still & (float(changes.max()) >= ONE_STEP * float(changes.min()))
 
 
 def wild_field(field_T: Array, commanded_T: Array) -> Mask:

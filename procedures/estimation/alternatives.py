@@ -218,7 +218,7 @@ def strongest_step(
         return []
     begin = int(begins[np.argmax(gains)])
     from_row = (np.arange(len(shape)) >= begin).astype(np.float64)
-    columns = (shape * (from_row - from_row[inside].mean()))[:, None]
+    columns = (shape * (from_row - from_row.mean()))[:, None]
     return [(float(gains.max()), replace(step, columns=columns, row=begin))]
 
 

@@ -16,7 +16,7 @@ from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.estimation.channel import smallest_step
 from procedures.estimation.flags import frozen
 from procedures.estimation.frozen import COPIED_ROWS, TURNS_IN_A_ROW, equal_runs, no_chance
-from procedures.estimation.orthogonal import MAD_TO_SIGMA, solve_by_qr
+from procedures.estimation.orthogonal import MAD_TO_SIGMA
 from procedures.estimation.plausibility import Bounds, implausible
 from procedures.estimation.readings import Reading, Remainder, Suit, shifted, suiting
 from station.findings import Flag, contradiction
@@ -113,9 +113,11 @@ def _left_by_curves(dataset: FogDataset) -> Callable[[TurnTable], Remainder | No
             columns = scale * table.commanded_deg[own, None]
             if len(np.unique(np.rint(table.commanded_deg[own]))) > 1:
                 columns = np.column_stack((columns, table.duration_s[own]))
-            residual = solve_by_qr(columns, error[own] / FULL_TURN_DEG * PPM).residuals
-            squares += _clipped_squares(residual)
-            freedom += len(residual) - columns.shape[1]
+            ppm = error[own] / FULL_TURN_DEG * PPM
+            # Turns of no angle, or of no time, have columns that say nothing.
+            sizes, _, rank, _ = np.linalg.lstsq(columns, ppm, rcond=None)
+            squares += _clipped_squares(ppm - columns @ sizes)
+            freedom += len(ppm) - int(rank)
         return Remainder(squares, freedom) if freedom else None
 
     return left
@@ -365,6 +367,8 @@ def _thermometers(dataset: FogDataset, name: str, table: TurnTable) -> Iterator[
 
 def _rows_late(dataset: FogDataset, name: str, table: TurnTable) -> Iterator[Flag]:
     """Yield the flags of columns in the rows of other turns, and of thermometers that step."""
+    if len(table) < 2 * MAX_ROWS:
+        return
     heats = {side: (f"temperature_{side}_degC",) for side in SIDES}
     columns = {
         "heading_deg": {"headings": tuple(f"attitude_{side}_deg" for side in SIDES)},

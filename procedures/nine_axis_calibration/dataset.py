@@ -132,7 +132,7 @@ def screened(dataset: NineAxisDataset) -> Screened:
     ]
     felt = [record.acceleration_g for record in dataset.static]
     still, at_rest = _without_repeats(still, [0] * len(still))
-    felt, also = _without_repeats(felt, [0] * len(felt), most=1.0)
+    felt, also = _without_repeats(felt, [0] * len(felt), most=1.0, dead=True)
     spun, turning = _without_repeats(spun, axes, dead=True)
     sound = replace(
         dataset,
@@ -174,14 +174,19 @@ def _without_repeats(
     `dead` and never changes, though the sensor was turned; that is judged by the records of one of
     the `sorts`. Of a record that repeats in more than the part `most` nothing is left.
     """
-    fine = set()
+    fine, never = set(), set()
     for sort in set(sorts):
         for channel in range(3):
             own = [r[:, channel] for r, s in zip(records, sorts, strict=True) if s == sort]
-            if _usually_new(own) > ALWAYS_NEW or (dead and len(own) > 1 and _never_changes(own)):
+            if dead and len(own) > 1 and _never_changes(own):
+                never.add((sort, channel))
+            elif _usually_new(own) > ALWAYS_NEW:
                 fine.add((sort, channel))
     places = [(n, c) for n, sort in enumerate(sorts) for c in range(3) if (sort, c) in fine]
-    repeated = [np.zeros(record.shape, dtype=bool) for record in records]
+    repeated = [
+        np.isfinite(record) & [(sort, channel) in never for channel in range(3)]
+        for sort, record in zip(sorts, records, strict=True)
+    ]
     again = repeated_windows([records[n][:, c] for n, c in places])
     for (n, c), mask in zip(places, again, strict=True):
         repeated[n][:, c] = np.isfinite(records[n][:, c]) if mask.mean() > most else mask
@@ -191,7 +196,8 @@ def _without_repeats(
 
 def _never_changes(columns: Sequence[Array]) -> bool:
     together = np.concatenate(columns)
-    return len(np.unique(together[np.isfinite(together)])) == 1
+    there = together[np.isfinite(together)]
+    return len(there) >= IN_A_ROW and len(np.unique(there)) == 1
 
 
 def _usually_new(columns: Sequence[Array]) -> float:

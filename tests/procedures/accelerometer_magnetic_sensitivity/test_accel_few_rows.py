@@ -53,3 +53,27 @@ def test_few_rows_are_told_with_the_uncertainty_they_have_or_not_at_all() -> Non
 def some_rows(dataset: AccelerometerDataset, rows: NDArray[np.int64]) -> AccelerometerDataset:
     arrays = {name: one for name, one in vars(dataset).items() if isinstance(one, np.ndarray)}
     return replace(dataset, **{name: one[rows] for name, one in arrays.items()})
+
+
+def test_an_encoder_that_turned_on_by_two_marks_is_solved_for() -> None:
+    clean = record(3, ("io", "op", "ip"), 12)
+    slipped = 60.0 * (np.arange(len(clean)) >= len(clean) // 3)
+    analysis = analyse(replace(clean, theta_deg=clean.theta_deg + slipped))
+    assert "encoder-jump" in {flag.code for flag in analysis.flags}
+    assert max(off_in_u(analysis).values()) < 5.0
+
+
+def test_an_angle_of_the_other_sign_gives_no_result() -> None:
+    clean = record(3, ("io", "op", "ip"), 12)
+    analysis = analyse(replace(clean, theta_deg=-clean.theta_deg))
+    assert {flag.code for flag in analysis.flags} & {"wrong-position", "contradicts-statement"}
+    assert all(estimate.value is None for estimate in analysis.estimates)
+
+
+def test_a_step_of_the_output_leaves_the_offset_of_the_mean_over_all_rows() -> None:
+    clean = record(5, ("io",), 36, (-0.05, 0.0, 0.05))
+    later = np.arange(len(clean)) >= 40
+    analysis = analyse(replace(clean, output_V=clean.output_V + 1e-3 * later))
+    assert "output-step" in {flag.code for flag in analysis.flags}
+    truth = {**TRUTH, "K0": TRUTH["K0"] + 1e-3 * float(later.mean())}
+    assert max(off_in_u(analysis, truth).values()) < 5.0

@@ -229,3 +229,17 @@ def test_knocks_in_the_first_sets_do_not_bend_the_end_of_the_curve(seed: int) ->
     grid = curve.temperatures_degC(50)
     off = np.abs(curve.error_ppm(grid) - quartic(grid))
     assert float(np.max(off / Band(curve).standard_ppm(grid))) < 4.0
+
+
+@pytest.mark.parametrize("rows", [8, 10, 16, 20])
+def test_a_few_turns_do_not_say_that_their_columns_stand_in_other_rows(rows: int) -> None:
+    made = log(0).table
+    short = FogDataset(made.of(np.arange(rows)), "heading", full_attitude=False)
+    assert said(analyse(short)).isdisjoint({"gyro_temperature", "heading_deg"})
+
+
+def test_turns_of_no_angle_say_nothing_and_end_in_no_error() -> None:
+    made = log(0).table
+    still = replace(made, commanded_deg=np.zeros(len(made)))
+    analysis = analyse(FogDataset(still, "heading", full_attitude=False))
+    assert "not-identifiable" in said(analysis)

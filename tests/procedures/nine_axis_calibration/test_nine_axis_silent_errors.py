@@ -12,6 +12,7 @@ from nine_axis_records import (
     CROSS,
     PRIOR,
     Setting,
+    codes,
     record,
 )
 
@@ -80,3 +81,17 @@ def test_the_mounting_is_as_sure_as_the_tilt_unless_given() -> None:
     assert unsaid.table_axes_rad * ARCSEC == pytest.approx(10.0)
     said = prior_of(Prior.model_validate(given | {"mounting": "2 arcmin"}))
     assert said.mounting_rad == pytest.approx(2.0 * ARCMIN)
+
+
+@pytest.mark.parametrize("value_g", [0.0, -0.5])
+def test_an_accelerometer_that_is_dead_at_rest_is_frozen_and_gives_no_bias(value_g: float) -> None:
+    made = record()
+    felt = [still.acceleration_g.copy() for still in made.static]
+    for acceleration_g in felt:
+        acceleration_g[:, 2] = value_g
+    static = tuple(
+        replace(still, acceleration_g=own) for still, own in zip(made.static, felt, strict=True)
+    )
+    analysis = analyse(replace(made, static=static))
+    assert "frozen" in codes(analysis)
+    assert all(one.value is None for one in analysis.estimates if one.name == "bias")

@@ -121,3 +121,19 @@ def test_tones_of_a_steady_cell_fade_alike(polarisation: float) -> None:
         assert found is not None and np.isfinite(found.fading[1])
         pulls.append(found.fading[0] / found.fading[1])
     assert np.max(np.abs(pulls)) < 4.0
+
+
+def test_a_transient_at_the_begin_of_all_shots_is_no_noise() -> None:
+    clean = Cell().dataset(1)
+    noise_V = Cell().noise_V
+    shots = [
+        replace(
+            shot,
+            voltage_V=shot.voltage_V
+            + 6.0 * noise_V * np.exp(-np.arange(len(shot.voltage_V)) / 4.0),
+        )
+        for shot in clean.shots
+    ]
+    found = {flag.code for flag in analyse(replace(clean, shots=shots)).flags}
+    assert "misfit" in found
+    assert "misfit" not in {flag.code for flag in analyse(clean).flags}
