@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,8 @@ from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
 from station.results import conclude
 
+PLACES = re.compile(r"\{[^{}]*\}")
+"""Of a sentence that is declared: where its values come."""
 RESULT_KEYS = {
     "schema": "version of the format",
     "procedure": "name of the procedure",
@@ -337,7 +340,7 @@ def meant(
 def sentence_of(node: ast.expr) -> str:
     """Return a text of the source, its values left out."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        return node.value
+        return PLACES.sub("…", node.value)
     if isinstance(node, ast.JoinedStr):
         return "".join(
             str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values

@@ -122,8 +122,10 @@ def undetermined(parameters: AccelerometerParameters) -> dict[str, str]:
         if name in determined.kept:
             why[name] = f"this plan determines only {together[0]}; the limit is held against that"
             continue
-        what = f"not {name} alone, only {listed(together)}" if together else f"no {name} at all"
-        why[name] = f"this plan determines {what}; its verdict will be inconclusive (exit code 6)"
+        what = f"{name} alone, only {listed(together)}" if together else f"{name} at all"
+        why[name] = (
+            f"this plan does not determine {what}; its verdict will be inconclusive (exit code 6)"
+        )
     return why
 
 

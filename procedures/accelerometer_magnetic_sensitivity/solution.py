@@ -37,7 +37,7 @@ Mask = NDArray[np.bool_]
 SETTLED_RAD = 1e-10
 ENOUGH_LEFT = 12
 MAX_JUMP_RAD = np.pi
-"""An encoder slips by a mark of the plan at the most."""
+"""An angle is known but for whole turns; what is further off than half of one is no jump."""
 FAR_RAD, FINE_RAD = 0.2, 1e-6
 """How far a jump that is misalignment to the first order is looked for, and how finely."""
 

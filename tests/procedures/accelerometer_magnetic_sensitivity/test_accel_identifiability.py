@@ -209,7 +209,7 @@ def test_a_limit_on_what_the_plan_does_not_determine_alone_is_told_before_it_run
     told = [one.sentence for one in warned_of_limits(plan, procedure_of(plan.procedure))]
     assert [one.partition(": limits.")[2] for one in told] == [
         "K0: this plan determines only K0 + Kpp; the limit is held against that",
-        "Kpp: this plan determines not Kpp alone, only K0 + Kpp, Kii − Kpp and Koo − Kpp; its "
+        "Kpp: this plan does not determine Kpp alone, only K0 + Kpp, Kii − Kpp and Koo − Kpp; its "
         "verdict will be inconclusive (exit code 6)",
     ]
 
