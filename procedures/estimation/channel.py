@@ -51,6 +51,8 @@ MIN_BLUR = 0.45
 """Noise over step from which rounding averages out; less may be a level between two steps."""
 LARGE_PART = 0.3
 """Of a record: a run of equal readings that hides the noise of the others."""
+COPIED = 0.5
+"""Of two channels: more readings are alike, and more differ from the one before, in a copy."""
 ROUNDS = 4
 
 
@@ -206,6 +208,17 @@ def screen(
     return Screened(
         channel, values, missing, wild | far, still, copied, saturated, step, noise, jump, beyond
     )
+
+
+def copied(values: Array, other: Array) -> bool:
+    """Return whether two channels (n,) are one: mostly equal, though noise moves them on.
+
+    Coarse ones are equal as often as they stand still.
+    """
+    changes = np.diff(values)
+    if len(changes) < IN_A_ROW:
+        return False
+    return bool(min(np.mean(values == other), np.mean(changes != 0.0)) > COPIED)
 
 
 def smallest_step(values: Array) -> float:

@@ -141,11 +141,19 @@ def flags_of(
 
 def _screened(screened: Screened) -> Iterator[Flag]:
     """Yield the flags of samples that measured nothing: repeated ones, and saturated ones."""
-    at_rest, turning = screened.frozen
-    if at_rest + turning:
-        extent = f"{counted(at_rest, 'sample')} at rest and {turning} turning"
-        details = {"count": at_rest + turning, "at_rest": at_rest, "turning": turning}
-        yield frozen("The output", extent, "the sensor", "They are left out.", details)
+    gyros, turning, felt = screened.frozen
+    for sensor, at_rest, spun in (("gyro", gyros, turning), ("accelerometer", felt, 0 * felt)):
+        for name, still, moving in zip(AXES, at_rest.tolist(), spun.tolist(), strict=True):
+            if count := still + moving:
+                where = {"at_rest": still, "turning": moving}
+                extent = " and ".join(
+                    f"{counted(n, 'sample')} {way.replace('_', ' ')}"
+                    for way, n in where.items()
+                    if n
+                )
+                details = {"count": count, **where, "sensor": sensor}
+                reading, then = f"The output of {sensor} {name}", "They are left out."
+                yield frozen(reading, extent, "the sensor", then, details, name)
     for axis, name in enumerate(AXES):
         own = [(rate, count) for where, rate, count in screened.saturated if where == axis]
         if own:
@@ -353,8 +361,9 @@ def _positions(static: Sequence[StaticSummary]) -> Iterator[Flag]:
         if not summary.pose.right:
             text = (
                 f"The sensor did not stand as in position {summary.position}: {summary.pose.seems}"
-                "; the record is left out of the best estimate. Look at how it stood, and at the "
-                "columns of gyros and accelerometers: their order, signs and units."
+                "; its record is left out of the biases, and where gravity lies along another axis "
+                "also of what the accelerometers come to. Look at how it stood, and at the columns "
+                "of gyros and accelerometers: their order, signs and units."
             )
             yield Flag("wrong-position", text, None, {"position": int(summary.position)})
     there = {summary.position for summary in static}

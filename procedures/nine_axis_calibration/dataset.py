@@ -17,6 +17,7 @@ from procedures.estimation.saturation import stands_at_top
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Counts = NDArray[np.int64]
 
 AXES = ("X", "Y", "Z")
 AT_THE_END = 1.0 - 1e-6
@@ -93,14 +94,14 @@ class NineAxisDataset:
 class Screened:
     """The dataset without samples that measured nothing, NaN in their place, and how many.
 
-    `saturated` holds axis, rate and number of each record on the table, `frozen` the samples at
-    rest and turning that repeat others.
+    `saturated` holds axis, rate and number of each record on the table. `frozen` (3, 3) counts the
+    samples that repeat others, in rows of gyros at rest, gyros turning, accelerometers at rest.
     """
 
     dataset: NineAxisDataset
     saturated: tuple[tuple[int, float, int], ...]
     saturated_at_rest: int
-    frozen: tuple[int, int]
+    frozen: Counts
 
 
 def screened(dataset: NineAxisDataset) -> Screened:
@@ -132,7 +133,7 @@ def screened(dataset: NineAxisDataset) -> Screened:
     ]
     felt = [record.acceleration_g for record in dataset.static]
     still, at_rest = _without_repeats(still, [0] * len(still))
-    felt, also = _without_repeats(felt, [0] * len(felt), most=1.0, dead=True)
+    felt, accelerometers = _without_repeats(felt, [0] * len(felt), most=1.0, dead=True)
     spun, turning = _without_repeats(spun, axes, dead=True)
     sound = replace(
         dataset,
@@ -146,7 +147,7 @@ def screened(dataset: NineAxisDataset) -> Screened:
         ),
     )
     beyond = sum(int(own.sum()) for own in over_at_rest)
-    return Screened(sound, tuple(saturated), beyond, (max(at_rest, also), turning))
+    return Screened(sound, tuple(saturated), beyond, np.stack((at_rest, turning, accelerometers)))
 
 
 def _stands_still(record: TurnRecord, turns: Sequence[TurnRecord]) -> bool:
@@ -167,8 +168,8 @@ def _without_repeats(
     most: float = MOSTLY,
     *,
     dead: bool = False,
-) -> tuple[list[Array], int]:
-    """Return records (n, 3) with NaN in the place of repeats, and how many samples hold one.
+) -> tuple[list[Array], Counts]:
+    """Return records (n, 3) with NaN in the place of repeats, and how many of each axis, (3,).
 
     A channel that is so coarse that its neighbours often are alike is left as it is, unless it is
     `dead` and never changes, though the sensor was turned; that is judged by the records of one of
@@ -191,7 +192,7 @@ def _without_repeats(
     for (n, c), mask in zip(places, again, strict=True):
         repeated[n][:, c] = np.isfinite(records[n][:, c]) if mask.mean() > most else mask
     sound = [np.where(own, np.nan, r) for own, r in zip(repeated, records, strict=True)]
-    return sound, sum(int(own.any(axis=1).sum()) for own in repeated)
+    return sound, sum((own.sum(axis=0) for own in repeated), np.zeros(3, dtype=np.int64))
 
 
 def _never_changes(columns: Sequence[Array]) -> bool:

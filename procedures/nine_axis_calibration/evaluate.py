@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,10 +19,11 @@ from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
 from station.findings import Findings, FlagThresholds, InputQuantity, findings_of
 
+from .all_axes.channels import screened
 from .all_axes.reading import other_axes, pose
 from .all_axes.results import OtherResults, prior_rows, results_of, with_rows
 from .all_axes.stands import OtherAxes, Turned
-from .analysis import analyse
+from .analysis import USUAL_LIMITS, analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
 from .from_import import Conditions, dataset_of_import
 from .measuring import (
@@ -98,10 +100,36 @@ def findings_with(
         return findings_of(analyse(dataset, **chosen), dataset, inputs)
     other_results = results_of(others)
     gyros = analyse(dataset, **chosen, inertial=other_results.inertial)
+    upright = others
+    if not all(summary.pose.right for summary in gyros.static):
+        limits = chosen.get("limits", USUAL_LIMITS)
+        upright = standing_as_stated(others, len(gyros.static), limits.acceleration_g)
+    if len(upright.rests) < len(others.rests):
+        other_results = results_of(upright)
+        gyros = analyse(dataset, **chosen, inertial=other_results.inertial)
     analysis = replace(gyros, others=other_results)
     findings = with_other_axes(findings_of(analysis, dataset, inputs), other_results)
     estimates = with_rows([*findings.estimates], other_results)
     return replace(findings, estimates=estimates, inputs=[*findings.inputs, *prior_rows(others)])
+
+
+def standing_as_stated(others: OtherAxes, positions: int, off_g: float) -> OtherAxes:
+    """Return the data of the other axes without positions whose gravity lies along another axis.
+
+    Positions are the first stands. Such a one moves the accelerometers' fit, and the fit what all
+    others seem: the outputs as they were read say which it is, by more than `off_g`. Where most are
+    off the outputs are wrong, and all stay.
+    """
+    felt = [rest.acceleration_g.mean(axis=0) for rest in screened(others)[0].rests[:positions]]
+    # An axis that felt nothing is NaN, which is off by nothing.
+    off = [
+        bool(np.any(np.abs(force - rest.up) > off_g))
+        for force, rest in zip(felt, others.rests, strict=False)
+    ]
+    if 2 * sum(off) >= len(others.rests):
+        return others
+    kept = (rest for rest, leave in zip_longest(others.rests, off) if not leave)
+    return replace(others, rests=tuple(kept))
 
 
 def with_other_axes(findings: Findings, other_results: OtherResults) -> Findings:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from procedures.estimation.channel import smallest_step
+from procedures.estimation.channel import copied, smallest_step
 from procedures.estimation.flags import counted, frozen
 from procedures.estimation.frozen import IN_A_SHORT_RECORD
 from procedures.nine_axis_calibration.dataset import ALWAYS_NEW, AXES, Mask
@@ -82,6 +83,7 @@ def screened(data: OtherAxes) -> tuple[OtherAxes, list[Flag]]:
     """
     saturated: list[Flag] = []
     still: list[Flag] = []
+    copies: list[Flag] = []
     for what, (sensor, unit) in SENSORS.items():
         records = data.records(what)
         names = [name for name, _, _ in records]
@@ -115,11 +117,32 @@ def screened(data: OtherAxes) -> tuple[OtherAxes, list[Flag]]:
                 still.append(frozen(reading, extent, "the sensor", then, details, axis_name))
                 for n in places:
                     samples[n][:, axis] = np.nan
+        for axis, other in combinations(range(3), 2):
+            twin = [copied(own[:, axis], own[:, other]) for _, _, own in records]
+            if places := np.flatnonzero(twin).tolist():
+                copies.append(_copy(sensor, (axis, other), records, places))
+            for n in places:
+                samples[n][:, [axis, other]] = np.nan
         data = data.with_records(what, samples)
-    return data, [*saturated, *still]
+    return data, [*saturated, *still, *copies]
 
 
 Records = Sequence[tuple[str, bool, Array]]
+
+
+def _copy(sensor: str, axes: tuple[int, int], records: Records, places: Sequence[int]) -> Flag:
+    """Return the flag of two axes that are one in the records at `places`."""
+    a, b = (AXES[axis] for axis in axes)
+    count = sum(len(records[n][2]) for n in places)
+    where = _listed([name for name, _, _ in records], places)
+    then = (
+        f"It is that of {a}: which of the two was copied is not known, and both are left out of "
+        f"the records of {where}."
+    )
+    details = {"count": count, "sensor": sensor, "copy_of": a}
+    return frozen(
+        f"The output of the {sensor} {b}", counted(count, "sample"), "the sensor", then, details, b
+    )
 
 
 def _limits(records: Records, axis: int, gravity_g: float | None) -> list[float]:

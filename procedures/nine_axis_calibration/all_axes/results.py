@@ -300,16 +300,17 @@ def published(data: OtherAxes, orientations: Sequence[Orientation]) -> Iterator[
     samples = np.vstack([np.zeros((0, 3)), *(own for _, _, own in data.records(FIELD))])
     if not len(samples):
         return
-    high, low = np.nanmax(samples, axis=0), np.nanmin(samples, axis=0)
+    high, low = np.fmax.reduce(samples), np.fmin.reduce(samples)
     nearest = ellipsoid(samples)
     of_method = {"min-max": ((high + low) / 2.0, (high - low) / 2.0)}
     if nearest is not None:
         of_method["ellipsoid"] = nearest[0], np.diag(nearest[1])
     for method, (middle, size) in of_method.items():
         for axis, value in zip(AXES, middle, strict=True):
-            yield Published(OFFSET, axis, float(value), "nT", method)
+            if np.isfinite(value):
+                yield Published(OFFSET, axis, float(value), "nT", method)
         for axis, value in zip(AXES, size, strict=True):
-            if data.field_nT is not None:
+            if data.field_nT is not None and np.isfinite(value):
                 yield Published(SCALE, axis, float(value) / data.field_nT, "1", method)
 
 

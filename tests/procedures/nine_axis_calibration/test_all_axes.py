@@ -183,6 +183,28 @@ def test_priors_of_the_other_six_axes_have_rows_that_add_to_their_uncertainty(fo
         assert result.combined.standard_uncertainty == pytest.approx(u, rel=1e-6)
 
 
+def test_a_position_that_stood_otherwise_is_in_no_fit(folder: Path, tmp_path: Path) -> None:
+    for one in folder.iterdir():
+        text = one.read_text(encoding="utf-8")
+        text = text.replace("\n1,", "\n3,") if one.name == "static.csv" else text
+        (tmp_path / one.name).write_text(text, encoding="utf-8")
+    right, wrong = (
+        conclude("nine-axis-calibration", findings_of_dataset(read_dataset(place)), {}, "simple")
+        for place in (folder, tmp_path)
+    )
+    flags = {flag.code for flag in wrong.flags}
+    assert "wrong-position" in flags
+    assert flags.isdisjoint({"poses-disagree", "contradicts-statement"})
+    for axis in "XYZ":
+        result = wrong.result("accelerometer_bias", axis)
+        usual = right.result("accelerometer_bias", axis)
+        assert result.combined is not None
+        assert usual.combined is not None
+        u = result.combined.standard_uncertainty
+        assert u < 2.0 * usual.combined.standard_uncertainty
+        assert result.estimate.value == pytest.approx(usual.estimate.value, abs=2.0 * u)
+
+
 @pytest.mark.parametrize(
     ("file", "change", "named"),
     [
@@ -243,6 +265,21 @@ def test_a_clipped_magnetometer_is_called_saturated_and_its_error_is_in_no_resul
     assert "saturated" in codes(found)
     errors = errors_in_u(bench, found)
     assert max(map(abs, errors.get("magnetometer_offset", [0.0]))) < 4.0
+
+
+@pytest.mark.parametrize(
+    ("what", "sensor"), [("acceleration_g", "accelerometer"), ("field_nT", "magnetometer")]
+)
+def test_a_channel_that_is_a_copy_of_another_is_named_and_neither_is_used(
+    what: str, sensor: str
+) -> None:
+    data = Bench(5005).data()
+    twice = [samples[:, [0, 0, 2]] for _, _, samples in data.records(what)]
+    found = results_of(data.with_records(what, twice))
+    (flag,) = [one for one in found.flags if one.code == "frozen"]
+    assert (flag.axis, flag.details["sensor"], flag.details["copy_of"]) == ("Y", sensor, "X")
+    assert {f"{sensor}_scale_factor"} <= nulls(found)
+    assert "contradicts-statement" not in codes(found)
 
 
 def test_coarse_magnetometers_that_turn_are_not_called_saturated() -> None:
