@@ -6,11 +6,80 @@ switch-on. The terms are those of IEEE Std 952 and 647; no clause of a standard 
 
 from __future__ import annotations
 
-from station.procedure import Procedure, ResultKind, usual_modules
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from .outlook import check, outlook, records, undetermined
+from procedures.common.constants import FULL_TURN_DEG
+from procedures.common.switch_ons import GYRO
+from station.procedure import LazyImport, Problem, Procedure, RecordUse, ResultKind
+from station.roles.turntable import unnamed_axes
+
 from .parameters import UNITS, RateTableParameters
-from .steps import STEPS
+from .steps import STEPS, TURNTABLE
+
+if TYPE_CHECKING:
+    from station.instruments.bench import Bench
+
+
+def records(parameters: RateTableParameters, bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the analysis takes of calibration records."""
+    return (
+        RecordUse(GYRO, "scale", 1.0, "1"),
+        RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg"),
+    )
+
+
+def check(parameters: RateTableParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield what the bench does not say of a table that levels its plate itself."""
+    table = bench.instruments.get(TURNTABLE)
+    if table is not None and parameters.levelled_by == "table":
+        for what in unnamed_axes(TURNTABLE, table.settings):
+            yield Problem(("parameters", "levelled_by"), f"{what}, or take levelled_by: person")
+
+
+def outlook(parameters: RateTableParameters) -> Sequence[str]:
+    """Return how well a plan determines what in white noise, before anything moves."""
+    scale, asymmetry, slowest = expected(parameters)
+    lean = 1e6 * (1.0 - math.cos(math.radians(parameters.alignment_arcmin / 60.0)))
+    lines = [
+        f"scale factor: u = {scale:.2g} ppm by the gyro's noise, {lean:.2g} ppm by how its input "
+        "axis lies along the table's",
+        f"asymmetry: u = {asymmetry:.2g} ppm; a nonlinearity is noise below {slowest:.2g} ppm",
+    ]
+    if parameters.switch_ons > 1:
+        relative = 100.0 / math.sqrt(2.0 * (parameters.switch_ons - 1))
+        lines.append(
+            f"repeatability of {parameters.switch_ons} switch-ons; of any other set within "
+            f"{relative:.2g} %"
+        )
+    return lines
+
+
+def undetermined(parameters: RateTableParameters) -> Mapping[str, str]:
+    """Return what one switch-on alone does not determine."""
+    if parameters.switch_ons > 1:
+        return {}
+    what = "One switch-on shows no repeatability of the scale factor; set `switch_ons`."
+    return {"scale_factor_repeatability": what}
+
+
+def expected(parameters: RateTableParameters) -> tuple[float, float, float]:
+    """Return u in ppm of scale factor, asymmetry and the K of the slowest rate, in white noise."""
+    rates = sorted(parameters.rates_deg_per_s)
+    white = parameters.angle_random_walk_deg_per_sqrt_h / 60.0
+    # The variance of the mean of both senses, in (deg/s)^2.
+    noise = [
+        white**2 / parameters.record_s_at(rate) / (2.0 * parameters.switch_ons) for rate in rates
+    ]
+    squares = sum(rate**2 for rate in rates)
+    pairs = list(zip(rates, noise, strict=True))
+    scale = math.sqrt(sum(rate**2 * own for rate, own in pairs)) / squares
+    weight = sum(1.0 / own for own in noise)
+    middle = sum(rate / own for rate, own in pairs) / weight
+    asymmetry = 2.0 / math.sqrt(sum((rate - middle) ** 2 / own for rate, own in pairs))
+    return 1e6 * scale, 1e6 * asymmetry, 1e6 * math.sqrt(noise[0]) / rates[0]
+
 
 PROCEDURE = Procedure(
     name="gyro-rate-table",
@@ -22,7 +91,10 @@ PROCEDURE = Procedure(
     steps=STEPS,
     records=records,
     check=check,
-    **usual_modules(__name__),
+    evaluate_run=LazyImport(f"{__name__}.evaluate:findings_of_run"),
+    evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
+    conditions=LazyImport(f"{__name__}.dataset:Conditions").get,
+    report=LazyImport(f"{__name__}.figures:draw_parts"),
     outlook=outlook,
     undetermined=undetermined,
     assumptions=(
@@ -31,6 +103,8 @@ PROCEDURE = Procedure(
         "K is that along the table's axis: an input axis that leans by 10 arcmin reads 4.2 ppm "
         "less.",
         "The repeatability is that of the switch-ons measured; another set scatters about it.",
+        "K is steady within a switch-on unless a flag says that it drifts: rates that follow one "
+        "another make a curve of a drift, and a small one is taken for it.",
         "Threshold and resolution are not measured.",
     ),
 )

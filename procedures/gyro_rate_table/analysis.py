@@ -1,4 +1,8 @@
-"""The results of a gyro on a rate table: all its records in one solution."""
+"""The results of a gyro on a rate table, all its records in one solution, and the textbook's.
+
+The textbook's: rate of the table as commanded, output less the mean at rest of the same switch-on,
+a line by least squares (practice after IEEE Std 952; no clause is quoted).
+"""
 
 from __future__ import annotations
 
@@ -9,22 +13,16 @@ import numpy as np
 
 from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.measured import Measured
-from station.findings import Analysis, Estimate, undetermined
+from station.findings import Analysis, Estimate, Published, undetermined
 
+from .checks import data_flags, result_flags
 from .dataset import PPM, AnalysisSettings, Array, RateTableDataset
-from .flags import data_flags, drift_flag, result_flags
-from .joint_fit import JointFit, drift_alone, fit_records, system_of
-from .noise import Within, within_records
 from .parameters import UNITS
-from .published import published_values
-from .results import Results, results_of
-from .scale_drift import RARE, Runs, runs_of
-from .screening import Kept, Screened, screen
+from .screening import Kept, Screened, runs_of, screen, within_records
+from .solution import JointFit, Results, results_of, solution_of
 
 SETTINGS = AnalysisSettings()
 DEAD = 1e-3
-MUCH_WALK = 3.0
-"""Standard uncertainties by which the bias may walk more before a drift of K is looked for."""
 METHODS = {"bias": "mean", "scale_factor_repeatability": "standard-deviation"}
 
 
@@ -45,33 +43,16 @@ def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) ->
     level = dataset.earth_level_deg_per_h
     within = within_records(records, dataset.sample_interval_s, level) if records else None
     fit = results = None
-    drifts = False
     if within is not None:
         own = end_variance(records, dataset.encoder_accuracy_deg, screened.scale)
         runs = runs_of(records, within, dataset.sample_interval_s)
-        fit, drifts = fit_of(records, within, own, screened.scale, runs)
+        fit = solution_of(records, within, own, screened.scale, runs)
         results = results_of(fit, dataset.range_deg_per_s)
     estimates = _estimates(dataset, results, level)
     published = published_values(records, screened.scale * dataset.earth_up_deg_per_h)
     flags = data_flags(dataset, screened, settings)
     flags += result_flags(screened, fit, results, estimates, settings)
-    if fit is not None and drifts:
-        flags.append(drift_flag(fit))
     return RateTableAnalysis(estimates, published, flags, screened, fit, results)
-
-
-def fit_of(
-    records: Sequence[Kept], within: Within, own: Array, scale: float, runs: Runs
-) -> tuple[JointFit, bool]:
-    """Return the solution, with a drift of the scale factor where there is one, and whether so."""
-    steady = fit_records(records, system_of(records, within, own, scale, None))
-    drifting = system_of(records, within, own, scale, runs)
-    largest_walk = steady.walk + MUCH_WALK * steady.walk_u
-    if len(drifting.layout.rates) > 1 and (
-        runs.chance < RARE or drift_alone(drifting, largest_walk)
-    ):
-        return fit_records(records, drifting), True
-    return steady, False
 
 
 def end_variance(records: Sequence[Kept], accuracy_deg: float, scale: float) -> Array:
@@ -139,3 +120,50 @@ def _estimates(
             Estimate(name, "IA", value, unit, measured.u, freedom, method, depends, extra)
         )
     return estimates
+
+
+METHOD = "least-squares"
+
+
+def published_values(records: Sequence[Kept], earth_deg_per_h: float) -> list[Published]:
+    """Return what the rules give on the same data, None where they cannot run."""
+    values: dict[str, float | None] = dict.fromkeys(UNITS)
+    del values["nonlinearity"]
+    repeats = list(dict.fromkeys(kept.record.repeat for kept in records))
+    lines, rests = [], []
+    for repeat in repeats:
+        own = [kept for kept in records if kept.record.repeat == repeat]
+        rest = [kept.mean for kept in own if not kept.record.commanded_deg_per_s]
+        turned = [kept for kept in own if kept.record.commanded_deg_per_s]
+        if not rest or len(turned) < 2:
+            continue
+        rests.append(float(np.mean(rest)))
+        rate = np.array([kept.record.commanded_deg_per_s for kept in turned]) * SECONDS_PER_HOUR
+        lines.append(_line(rate, np.array([kept.mean for kept in turned]) - rests[-1]))
+    if lines:
+        scale = float(np.mean([line[0] for line in lines]))
+        values["scale_factor"] = scale
+        values["nonlinearity_of_full_scale"] = float(np.mean([line[1] for line in lines]))
+        values["asymmetry"] = float(np.mean([line[2] for line in lines]))
+        values["bias"] = float(np.mean(rests)) - earth_deg_per_h
+    if len(lines) > 1:
+        spread = float(np.std([line[0] for line in lines], ddof=1))
+        values["scale_factor_repeatability"] = PPM * spread / abs(scale)
+    methods = {"bias": "mean", "scale_factor_repeatability": "standard-deviation"}
+    return [
+        Published(name, "IA", value, UNITS[name], methods.get(name, METHOD))
+        for name, value in values.items()
+    ]
+
+
+def _line(rate: Array, output: Array) -> tuple[float, float, float]:
+    """Return slope, largest residual over the largest output and |K+ - K-|/K, these in ppm."""
+    design = np.column_stack((rate, np.ones(len(rate))))
+    (slope, offset), *_ = np.linalg.lstsq(design, output, rcond=None)
+    left = output - slope * rate - offset
+    largest = float(np.max(np.abs(left)) / np.max(np.abs(output))) * PPM
+    up, down = (
+        float(rate[sense] @ output[sense]) / max(float(rate[sense] @ rate[sense]), 1e-300)
+        for sense in (rate > 0.0, rate < 0.0)
+    )
+    return float(slope), largest, abs(up - down) / abs(float(slope)) * PPM

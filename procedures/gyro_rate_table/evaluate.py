@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING
 
 from procedures.common.constants import ARCMIN_PER_RAD
 from procedures.common.inputs import cosine_u
+from procedures.common.switch_ons import GYRO
 from procedures.estimation.direction import Direction, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .dataset import AnalysisSettings
-from .from_import import dataset_of_import
-from .from_record import dataset_of_run
+from .dataset import AnalysisSettings, dataset_of_import, dataset_of_run
 from .parameters import RateTableParameters
-from .steps import GYRO
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

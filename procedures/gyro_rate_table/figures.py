@@ -12,8 +12,7 @@ from station.results import ResultDocument
 
 from .analysis import RateTableAnalysis
 from .dataset import PPM
-from .joint_fit import JointFit
-from .results import Results
+from .solution import JointFit, Results
 
 ZERO = Rule(y=0.0, colour=GREY, width=1.4, dashes="--")
 

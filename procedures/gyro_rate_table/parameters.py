@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
+from procedures.common.constants import FULL_TURN_DEG
+from procedures.common.switch_ons import Thresholds
 from station.fields import StrictModel, Unit
-from station.findings import FlagThresholds
 
 UNITS = {
     "scale_factor": "1",
@@ -19,8 +20,6 @@ UNITS = {
     "scale_factor_repeatability": "ppm",
     "bias": "deg/h",
 }
-
-FULL_TURN_DEG = 360.0
 
 
 @dataclass(frozen=True)
@@ -34,15 +33,6 @@ class Turn:
     def words(self) -> str:
         """What an operator reads of it."""
         return f"{self.rate_deg_per_s:+g} deg/s" if self.rate_deg_per_s else "standing"
-
-
-class Thresholds(StrictModel):
-    """Where a flag is raised; the defaults are those of the result format."""
-
-    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
-    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
-    outlier: Annotated[float, Field(gt=1)] = FlagThresholds.outlier
-    drift_removed: Annotated[float, Field(gt=0)] = 3.0
 
 
 class RateTableParameters(StrictModel):
@@ -95,8 +85,3 @@ class RateTableParameters(StrictModel):
         """Return how long whole turns take that last `record_s` or more."""
         turns = math.ceil(self.record_s * rate_deg_per_s / FULL_TURN_DEG - 1e-9)
         return turns * FULL_TURN_DEG / rate_deg_per_s
-
-
-def unit_of(number: int) -> str:
-    """Return the name of a switch-on's unit of work, counted from 1."""
-    return f"switch-on {number}"

@@ -1,4 +1,11 @@
-"""From samples to record means: what is no output is left out, and the angle is taken with it."""
+"""From samples to record means: what is no output is left out, and what is seen within the records.
+
+White noise and rounding, the wave that a lean brings per turn, and how the output runs while the
+gyro is turned. A scale factor that drifts cannot from record to record be distinguished from a
+nonlinearity: the rates follow one another. Within a record its output runs off in proportion to the
+rate, W K' t: in opposite ways for the two senses of a rate, one after the other, where a bias that
+drifts or warms up runs off alike.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.estimation.frozen import repeated_windows
+from procedures.estimation.frozen import IN_A_SHORT_RECORD, frozen, repeated_windows
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
+from procedures.estimation.rate_spectrum import coefficients, noise_variances
+from procedures.estimation.reml import Stretch, fit
 from procedures.estimation.saturation import stands_at_top
 
 from .dataset import Array, Mask, RateTableDataset, Record
 
 FEWEST = 3
 ALWAYS_NEW = 0.9
+"""Part of the readings, frozen ones aside, that differ from the one before in no coarse output."""
 SHIFT_SEEN = 5.0
 SMALLEST_SHIFT = 0.1
 FAR_STEPS = 20.0
@@ -65,12 +75,12 @@ def screen(dataset: RateTableDataset, beyond: float) -> Screened:
     records = [record for record in dataset.records if not any(record is other for other in cut)]
     t0 = dataset.sample_interval_s
     scale = rough_scale(records, t0)
-    frozen = frozen_samples(records)
+    still = frozen_samples(records)
     known = [np.isfinite(record.table_deg_per_interval) for record in records]
     apart = [
         record.rate_deg_per_s - scale * record.table_deg_per_interval / t0 for record in records
     ]
-    usable = [k & ~f for k, f in zip(known, frozen, strict=True)]
+    usable = [k & ~f for k, f in zip(known, still, strict=True)]
     sigmas = [robust_sigma(a[u]) for a, u in zip(apart, usable, strict=True) if u.sum() > FEWEST]
     usual = float(np.median(sigmas)) if sigmas else 0.0
     slack = dataset.quantum_deg_per_s
@@ -89,7 +99,7 @@ def screen(dataset: RateTableDataset, beyond: float) -> Screened:
     kept = tuple(
         _kept(record, g, scale, t0) for record, g in zip(records, good, strict=True) if g.any()
     )
-    stood = sum(int(mask.sum()) for mask in frozen)
+    stood = sum(int(mask.sum()) for mask in still)
     return Screened(kept, wild, stood, tuple(cut), shift is not None, shift, scale)
 
 
@@ -137,15 +147,16 @@ def is_saturated(record: Record, records: Sequence[Record]) -> bool:
 
 
 def frozen_samples(records: Sequence[Record]) -> list[Mask]:
-    """Return which samples of each record repeat a stretch that was there before.
+    """Return which samples of each record stand still, or repeat a stretch that was there before.
 
     Of coarse output, whose neighbours often are alike, none.
     """
     outputs = [record.rate_deg_per_s for record in records]
-    new = [float(np.mean(np.diff(output) != 0.0)) for output in outputs if len(output) > 1]
-    if not new or float(np.median(new)) < ALWAYS_NEW:
+    still = [frozen(output, IN_A_SHORT_RECORD) for output in outputs]
+    others = [np.diff(o[~s]) for o, s in zip(outputs, still, strict=True) if np.sum(~s) > 1]
+    if not others or float(np.median([np.mean(step != 0.0) for step in others])) < ALWAYS_NEW:
         return [np.zeros(len(output), dtype=bool) for output in outputs]
-    return repeated_windows(outputs)
+    return [s | copied for s, copied in zip(still, repeated_windows(outputs), strict=True)]
 
 
 def steady(record: Record) -> Mask:
@@ -188,3 +199,105 @@ def stamp_shift(
     left = y - slope * x
     u = float(np.sqrt(left @ left / max(len(x) - 1, 1) / (x @ x)))
     return -slope if abs(slope) > max(SHIFT_SEEN * u, SMALLEST_SHIFT) else None
+
+
+SHORTEST = 5
+LEAN = 0.02
+"""Sine of the angle by which the input axis may lean from the table's, as a standard deviation."""
+
+
+@dataclass(frozen=True)
+class Within:
+    """What is seen within the records, in deg/h.
+
+    `squares` (2,) are Q² in arcsec² and N² in (deg/h)² s. `normal` (2, 2) and `right` (2,) are the
+    normal equations of cosine and sine amplitude of the table's angle, prior included.
+    """
+
+    squares: Array
+    normal: Array
+    right: Array
+
+    def variance(self, length_s: Array) -> Array:
+        """Return the variance of means over times (r,)."""
+        return np.asarray(self.squares[1] / length_s + 2.0 * self.squares[0] / length_s**2)
+
+
+def within_records(
+    records: Sequence[Kept], interval_s: float, level_deg_per_h: float
+) -> Within | None:
+    """Return noise and wave of the records; None where none is long enough.
+
+    The noise is that of output less table rate: it holds the encoder's, which a mean shares.
+    """
+    prior = np.eye(2) / max(LEAN * level_deg_per_h, 1e-3) ** 2
+    squares = np.zeros(2)
+    normal, right = prior, np.zeros(2)
+    for _ in range(2):
+        # The wave is small beside a sample's noise: twice is enough.
+        amplitude: Array = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
+        stretches = [
+            stretch for kept in records for stretch in _stretches(kept, interval_s, amplitude)
+        ]
+        if not stretches:
+            return None
+        squares = fit(stretches).theta
+        sample = float(squares[1] / interval_s + 2.0 * squares[0] / interval_s**2)
+        cross, data = np.zeros((2, 2)), np.zeros(2)
+        for kept in records:
+            waves = kept.waves - kept.waves.mean(axis=0)
+            cross += waves.T @ waves
+            data += waves.T @ (kept.residual - kept.residual.mean())
+        normal, right = prior + cross / max(sample, 1e-12), data / max(sample, 1e-12)
+    return Within(squares, normal, right)
+
+
+def _stretches(kept: Kept, interval_s: float, amplitude: Array) -> list[Stretch]:
+    """Return a record's unbroken stretches in cosine coefficients."""
+    level = kept.residual - kept.waves @ amplitude
+    stretches = []
+    for piece in np.split(level, np.flatnonzero(np.diff(kept.index) != 1.0) + 1):
+        if len(piece) >= SHORTEST and float(np.ptp(piece)) > 0.0:
+            parts = noise_variances(len(piece), interval_s)[:2]
+            count = len(piece) - 1
+            stretches.append(
+                Stretch(coefficients(piece), parts, np.zeros(count), np.zeros((count, 0)))
+            )
+    return stretches
+
+
+@dataclass(frozen=True)
+class Runs:
+    """How outputs run within records, less the mean of the same rate in both senses.
+
+    `slope` and its `u` (r,) are in deg/h per h, u infinite for records that are too short; `rate`
+    (r,) is what a drift of 1 per h makes of it.
+    """
+
+    slope: Array
+    rate: Array
+    u: Array
+
+
+def runs_of(records: Sequence[Kept], within: Within, interval_s: float) -> Runs:
+    """Return how the output less K times the table's rate runs within the records."""
+    amplitude = np.linalg.solve(within.normal, within.right)
+    sample = within.squares[1] / interval_s + 2.0 * within.squares[0] / interval_s**2
+    slope, u = np.zeros(len(records)), np.full(len(records), np.inf)
+    for number, kept in enumerate(records):
+        time_h = (kept.index - kept.index.mean()) * interval_s / SECONDS_PER_HOUR
+        square = float(time_h @ time_h)
+        if len(time_h) >= SHORTEST and sample > 0.0:
+            slope[number] = float(time_h @ (kept.residual - kept.waves @ amplitude)) / square
+            u[number] = float(np.sqrt(sample / square))
+    repeats = np.array([kept.record.repeat for kept in records])
+    sizes = np.array([abs(kept.record.commanded_deg_per_s) for kept in records])
+    rate = np.array([kept.table if kept.record.commanded_deg_per_s else 0.0 for kept in records])
+    for repeat in np.unique(repeats):
+        for size in np.unique(sizes):
+            own = (repeats == repeat) & (sizes == size)
+            weight = 1.0 / u[own] ** 2
+            total = float(weight.sum())
+            for values in (slope, rate):
+                values[own] -= float(weight @ values[own]) / total if total > 0.0 else values[own]
+    return Runs(slope, rate, u)

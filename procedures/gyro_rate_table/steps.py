@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.constants import FULL_TURN_DEG
+from procedures.common.switch_ons import CABLES, GYRO, cool, switch_off, unit_of, warm_up
 from station.errors import ConditionNotReached
-from station.method.commands import GyroSampling, Power
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate, AxisTo
 from station.method.run import Run
@@ -15,12 +16,12 @@ from station.method.verbs import Recording, axis_of, come_to_rest, keep_row
 from station.procedure import Prompt, Step
 from station.roles import GyroAcquisition, Turntable
 
-from .parameters import FULL_TURN_DEG, RateTableParameters, Turn, unit_of
+from .parameters import RateTableParameters, Turn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-GYRO, POWER, TURNTABLE = "gyro_acquisition", "dut_power", "turntable"
+TURNTABLE = "turntable"
 UP_SENSE = -1.0
 """Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
 USUAL_ACCELERATION_DEG_PER_S2 = 50.0
@@ -47,7 +48,6 @@ MOUNT = Prompt(
     ),
     then="cables; the gyro is switched on by the station and the table moves",
 )
-CABLES = Prompt("connect-cables", "Connect the gyro to its acquisition board and its supply.")
 
 
 def mount(run: Run) -> None:
@@ -66,11 +66,6 @@ def again(run: Run) -> None:
     switch_on_and_turn(run, 2, run.parameters.switch_ons)
 
 
-def switch_off(run: Run) -> None:
-    """7: the gyro off."""
-    run.apply(Power(POWER, False))
-
-
 STEPS = (
     Step("1", "Mount the gyro on the table, input axis up", mount),
     Step("2", "On, warm; standing, each rate in both senses by whole turns, standing", first),
@@ -84,14 +79,9 @@ def switch_on_and_turn(run: Run, first_number: int, last_number: int) -> None:
     parameters: RateTableParameters = run.parameters
     for number in run.unfinished(range(first_number, last_number + 1), unit_of):
         unit = unit_of(number)
-        if number > 1:
-            run.apply(Power(POWER, False))
-            run.wait(parameters.cool_s, f"{unit}: the gyro cools, switched off")
+        cool(run, number)
         make_table_ready(run)
-        run.apply(Power(POWER, True))
-        on_s = run.now_s
-        run.wait(parameters.warm_up_s, f"{unit}: the gyro warms up")
-        run.apply(GyroSampling(GYRO, parameters.sample_interval_s, parameters.channel))
+        on_s = warm_up(run, number)
         with run.unit(unit, switch_on=number, on_s=on_s) as facts:
             pulses = Pulses(run, unit)
             count = len(parameters.turns)

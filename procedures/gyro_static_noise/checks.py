@@ -16,10 +16,9 @@ from procedures.estimation.flags import Gaps, counted, gaps_of, not_identifiable
 from procedures.estimation.readings import Reading, Remainder, named, suiting
 from station.findings import Flag, contradiction
 
-from .bursts import Burst
 from .dataset import COEFFICIENTS, AnalysisSettings, Array, StaticDataset
 from .means import Minimum
-from .noise import NoiseFit
+from .noise import Burst, NoiseFit
 from .parameters import UNITS
 
 TRIAD = 3

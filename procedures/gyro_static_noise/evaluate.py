@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from procedures.common.inputs import Declared, with_unstated
+from procedures.common.switch_ons import GYRO
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .dataset import AnalysisSettings
-from .from_import import dataset_of_import
-from .from_record import dataset_of_run
+from .dataset import AnalysisSettings, dataset_of_import, dataset_of_run
 from .parameters import StaticParameters
-from .steps import GYRO
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

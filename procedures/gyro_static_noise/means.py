@@ -16,8 +16,7 @@ from procedures.estimation.measured import Measured, root
 from procedures.estimation.rate_spectrum import allan_terms, coefficients, noise_variances
 
 from .dataset import Array, Record
-from .gaps import bridged, pieces
-from .noise import FEWEST, WALK_ALLOWED, NoiseFit
+from .noise import FEWEST, WALK_ALLOWED, NoiseFit, bridged, pieces
 
 STABILITY_S = 10.0
 TIME_CONSTANTS_S = (300.0, 600.0, 1200.0, 2400.0, 4800.0)

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.switch_ons import Thresholds
 from station.fields import InputAxis, StrictModel, Unit
-from station.findings import FlagThresholds
 
 UNITS = {
     "quantisation_noise": "arcsec",
@@ -22,15 +22,6 @@ UNITS = {
 }
 
 SHORTEST = 40
-
-
-class Thresholds(StrictModel):
-    """Where a flag is raised; the defaults are those of the result format."""
-
-    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
-    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
-    outlier: Annotated[float, Field(gt=1)] = FlagThresholds.outlier
-    drift_removed: Annotated[float, Field(gt=0)] = 3.0
 
 
 class StaticParameters(StrictModel):
@@ -64,8 +55,3 @@ class StaticParameters(StrictModel):
     def lengths_s(self) -> tuple[float, ...]:
         """How long the record of each switch-on is."""
         return (self.record_s, *([self.repeat_record_s] * self.repeats))
-
-
-def unit_of(number: int) -> str:
-    """Return the name of a switch-on's unit of work, counted from 1."""
-    return f"switch-on {number}"

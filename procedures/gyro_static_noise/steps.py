@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from station.method.commands import GyroSampling, Power
+from procedures.common.switch_ons import CABLES, GYRO, cool, switch_off, unit_of, warm_up
 from station.method.run import Run
 from station.method.verbs import Recording
 from station.procedure import Prompt, Step
 from station.roles import GyroAcquisition
 
-from .parameters import StaticParameters, unit_of
+from .parameters import StaticParameters
 
-GYRO, POWER = "gyro_acquisition", "dut_power"
 LATE_S = 2.0
 """A record lasts so much longer than its samples, which come late."""
 
@@ -23,7 +22,6 @@ MOUNT = Prompt(
     ),
     then="cables; the gyro is switched on by the station",
 )
-CABLES = Prompt("connect-cables", "Connect the gyro to its acquisition board and its supply.")
 
 
 def mount(run: Run) -> None:
@@ -42,11 +40,6 @@ def repeats(run: Run) -> None:
     switch_on_and_record(run, 2, run.parameters.repeats + 1)
 
 
-def switch_off(run: Run) -> None:
-    """5: the gyro off."""
-    run.apply(Power(POWER, False))
-
-
 STEPS = (
     Step("1", "Mount the gyro on a still plate", mount),
     Step("3", "Switch it on, let it warm up, record it long", main_record),
@@ -60,13 +53,8 @@ def switch_on_and_record(run: Run, first_number: int, last_number: int) -> None:
     parameters: StaticParameters = run.parameters
     for number in run.unfinished(range(first_number, last_number + 1), unit_of):
         unit = unit_of(number)
-        if number > 1:
-            run.apply(Power(POWER, False))
-            run.wait(parameters.cool_s, f"{unit}: the gyro cools, switched off")
-        run.apply(Power(POWER, True))
-        on_s = run.now_s
-        run.wait(parameters.warm_up_s, f"{unit}: the gyro warms up")
-        run.apply(GyroSampling(GYRO, parameters.sample_interval_s, parameters.channel))
+        cool(run, number)
+        on_s = warm_up(run, number)
         with run.unit(unit, switch_on=number, on_s=on_s):
             pulses = Recording(run, unit, {GYRO: 1.0 / parameters.sample_interval_s})
             record_s = parameters.lengths_s[number - 1] + LATE_S

@@ -52,11 +52,6 @@ KNOWN_SILENT: dict[str, frozenset[str]] = {
             "line and ramp",
         }
     ),
-    "gyro-rate-table": frozenset(
-        {
-            "output frozen for a fifth of each record",
-        }
-    ),
 }
 """Faults that the data show and that yet end above 4 u without a flag, or in a library's words.
 

@@ -28,6 +28,7 @@ class Gyro:
 
     scale: float = 1.000085
     nonlinearity_ppm: float = 0.0
+    cubic_ppm: float = 0.0
     asymmetry_ppm: float = 0.0
     scatter_ppm: float = 0.0
     drift_ppm: float = 0.0
@@ -45,8 +46,9 @@ class Gyro:
     rates: tuple[float, ...] = RATES
 
     def departure(self, rate: float) -> float:
-        """Return K_i/K0 - 1 in ppm, a wave over the rates."""
-        return self.nonlinearity_ppm * float(np.sin(np.pi * np.log10(max(rate, 1e-9))))
+        """Return K_i/K0 - 1 in ppm, a wave over the rates and what a cubic output makes of it."""
+        wave = self.nonlinearity_ppm * float(np.sin(np.pi * np.log10(max(rate, 1e-9))))
+        return wave + self.cubic_ppm * (rate / 100.0) ** 2
 
 
 CASES = {
@@ -57,6 +59,7 @@ CASES = {
     "part turns, axis 1 deg off": Gyro(record_s=60.0, axis_off_deg=1.0),
     "settling": Gyro(settling=0.004),
     "scale factor drifts": Gyro(drift_ppm=40.0, repeats=3),
+    "curved, scale factor drifts": Gyro(cubic_ppm=50.0, drift_ppm=40.0, repeats=3),
     "four switch-ons": Gyro(scatter_ppm=3.0, repeats=4),
 }
 

@@ -53,6 +53,17 @@ def test_a_scale_factor_that_drifts_is_no_nonlinearity() -> None:
         assert not any("drift_ppm_per_h" in flag.details for flag in steady.flags), case
 
 
+def test_a_scale_factor_that_drifts_shows_beside_a_curve_of_the_response() -> None:
+    found = trials(CASES["curved, scale factor drifts"], 3)
+    for name in ("scale_factor", "nonlinearity_of_full_scale", "asymmetry"):
+        assert np.all(np.abs(found[name].errors) < 4.0 * found[name].u), name
+    analysis = analyse(made(np.random.default_rng(4), CASES["curved, scale factor drifts"]).dataset)
+    assert any("drift_ppm_per_h" in flag.details for flag in analysis.flags)
+    cubic = replace(CASES["curved, scale factor drifts"], drift_ppm=0.0)
+    steady = analyse(made(np.random.default_rng(4), cubic).dataset)
+    assert not any("drift_ppm_per_h" in flag.details for flag in steady.flags)
+
+
 def test_full_scale_is_the_range_where_it_is_stated() -> None:
     dataset = made(np.random.default_rng(5), CASES["nonlinear"]).dataset
     ranged = replace(dataset, range_deg_per_s=300.0)

@@ -8,15 +8,22 @@ import numpy as np
 from scipy.special import chdtri
 
 from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
+from procedures.estimation.plausibility import Bounds, implausible
 from station.findings import Estimate, Flag, contradiction
 
 from .dataset import PPM, AnalysisSettings, RateTableDataset
-from .joint_fit import JointFit
-from .results import Results
 from .screening import Kept, Screened
+from .solution import JointFit, Results
 
 FEWEST_RATES = 7
-SCALE_DIFFERS = 0.05
+SCALE = Bounds(
+    "gyro_output",
+    "The gyro's output over the encoder's rate",
+    0.95,
+    1.05,
+    "deg/deg",
+    "Look whether its input axis points up, and at the unit of its output.",
+)
 BY_CHANCE = 1e-3
 
 
@@ -42,13 +49,7 @@ def data_flags(
             "left out."
         )
         flags.append(contradiction("timestamp", sentence, "IA", samples=screened.shift))
-    if abs(screened.scale - 1.0) > SCALE_DIFFERS:
-        sentence = (
-            f"The gyro reads {screened.scale:.4g} of the rate that the encoder shows: look whether "
-            "its input axis points up, and at the unit of its output."
-        )
-        flags.append(contradiction("gyro_output", sentence, "IA", ratio=screened.scale))
-    return flags
+    return flags + implausible(screened.scale, SCALE, "IA")
 
 
 def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
@@ -187,10 +188,12 @@ def result_flags(
             f"{_worst(screened.kept, fit)}."
         )
         flags.append(Flag("misfit", sentence, "IA", {"chi_square": fit.chi_square}))
+    if fit.drifting:
+        flags.append(_drifts(fit))
     return flags
 
 
-def drift_flag(fit: JointFit) -> Flag:
+def _drifts(fit: JointFit) -> Flag:
     """Return the flag of a scale factor that drifts, with its mean drift per hour."""
     mean = fit.drifts().mean(axis=0)
     drift, u = float(mean @ fit.value) * PPM, float(np.sqrt(mean @ fit.covariance @ mean)) * PPM

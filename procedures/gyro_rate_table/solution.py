@@ -9,24 +9,26 @@ drifts, drift_r W_j t_j is beside these, and how the output runs within the reco
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtri
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.estimation.reml import Stretch, components_at, fit
+from procedures.estimation import reml
+from procedures.estimation.alternatives import RIVAL
+from procedures.estimation.measured import Measured, root
 
-from .dataset import Array
-from .noise import Within
-from .scale_drift import Runs
-from .screening import Kept
+from .dataset import PPM, Array
+from .screening import Kept, Runs, Within
 
 SAME_RATE = 1e-6
 WIDER = 0.7
 """Standard uncertainties by which the walk is taken larger in u: its size is not well known."""
-FITS, NEVER = 1e-2, 1e-6
-"""Chance of noise leaving as much with a drift alone, and of noise making as much of a drift."""
+MAX_DEGREE = 2
+"""Of the curves in the rate that a scale factor may have beside one that has no form."""
+LIKELIER = 4.5
+"""Of the information criterion: a drift is solved for from ten times as likely on."""
 DETERMINED = 1e-5
 """Singular values of scaled columns below this part of the largest are none."""
 
@@ -187,23 +189,68 @@ def system_of(
     return System(layout, columns, data, sigma, design, turned, parts, runs is not None)
 
 
-def drift_alone(system: System, walk: float) -> bool:
-    """Return whether one scale factor that drifts explains what no steady one without drift does.
+def solution_of(
+    records: Sequence[Kept], within: Within, own_variance: Array, scale: float, runs: Runs
+) -> JointFit:
+    """Return the solution of the records, with a drift of K where that is likelier."""
+    steady = fit_records(records, system_of(records, within, own_variance, scale, None))
+    if steady.rates < 2:
+        return steady
+    drifting = system_of(records, within, own_variance, scale, runs)
+    return mixed(records, drifting, steady) or steady
 
-    A drift looks like a nonlinearity and an asymmetry together, which have many more terms: where
-    it leaves nothing to them, and none of them is as it would be without it, it is the cause.
+
+def forms_of(layout: Layout, width: int) -> list[Array]:
+    """Return the terms (width, q) of K without a form in the rate, and as polynomials of it."""
+    rates = len(layout.rates)
+    degrees = range(min(MAX_DEGREE, rates - 2) + 1)
+    part = layout.rates / layout.rates.max()
+    forms = [np.eye(rates), *(np.vander(part, degree + 1, increasing=True) for degree in degrees)]
+    return [np.vstack((form, np.zeros((width - rates, form.shape[1])))) for form in forms]
+
+
+def mixed(records: Sequence[Kept], system: System, steady: JointFit) -> JointFit | None:
+    """Return the solution with a drift of K where that is likelier; None where a steady one is.
+
+    From record to record a drift looks like a nonlinearity and an asymmetry together, which have
+    many more terms than a drift beside a smooth curve. What the likely models differ by is in the
+    covariance. The bias walks as in the `steady` solution.
     """
     rates, switch_ons = len(system.layout.rates), len(system.layout.repeats)
-    first = rates + 3 * switch_ons
-    weight = 1.0 / np.sqrt(1.0 + walk * system.walk)
+    first, width = rates + 3 * switch_ons, system.design.shape[1]
+    columns = np.eye(width)
+    others = np.column_stack((columns[:, rates:first], columns[:, first + switch_ons :]))
+    each = columns[:, first : first + switch_ons]
+    drifts = [each[:, :0], each, *([each.sum(axis=1)[:, None]] if switch_ons > 1 else [])]
+    forms = forms_of(system.layout, width)
+    models = [[np.column_stack((form, others, d)) for form in forms] for d in drifts]
+    weight = 1.0 / np.sqrt(1.0 + steady.walk * system.walk)
     design, data = system.design * weight[:, None], system.data * weight
-    steady = np.column_stack((design[:, :rates].sum(axis=1), design[:, rates + 1 :]))
-    still = np.column_stack(
-        (design[:, :rates].sum(axis=1), design[:, rates + 1 : first - switch_ons], design[:, -2:])
+    cost = np.log(len(data))
+    values = np.array(
+        [[_left(design @ terms, data) + cost * terms.shape[1] for terms in row] for row in models]
     )
-    free, drifting, fixed = (_left(columns, data) for columns in (design, steady, still))
-    explained = float(chdtrc(rates, max(drifting - free, 0.0))) > FITS
-    return explained and float(chdtrc(switch_ons, max(fixed - drifting, 0.0))) < NEVER
+    if values[1:].min() > values[0].min() - LIKELIER:
+        return None
+    likely = np.argwhere(values < values.min() + RIVAL)
+    parts = np.array([np.exp(0.5 * (values.min() - values[d, f])) for d, f in likely])
+    parts /= parts.sum()
+    fits = [fit_records(records, system, models[d][f]) for d, f in likely]
+    value = np.asarray(sum(p * fit.value for p, fit in zip(parts, fits, strict=True)))
+    moves = [fit.value - value for fit in fits]
+    covariance = sum(
+        part * (fit.covariance + np.outer(move, move))
+        for part, fit, move in zip(parts, fits, moves, strict=True)
+    )
+    free, best = fit_records(records, system), fits[int(np.argmax(parts))]
+    return replace(
+        best,
+        value=value,
+        covariance=np.asarray(covariance),
+        seen=free.seen,
+        width=free.width,
+        strayed=_strayed(records, system, value),
+    )
 
 
 def _left(columns: Array, data: Array) -> float:
@@ -214,10 +261,11 @@ def _left(columns: Array, data: Array) -> float:
     return float(rest @ rest)
 
 
-def fit_records(records: Sequence[Kept], system: System) -> JointFit:
-    """Return the joint solution of the records' rows."""
+def fit_records(records: Sequence[Kept], system: System, terms: Array | None = None) -> JointFit:
+    """Return the solution of the records' rows, of all columns or of `terms` (p, q) in them."""
     layout, columns, data, sigma = system.layout, system.columns, system.means, system.sigma
-    design, turned = system.design, system.data
+    terms = np.eye(columns.shape[1]) if terms is None else terms
+    design, turned = system.design @ terms, system.data
     width = np.linalg.norm(design, axis=0)
     width = np.where(width > 0.0, width, 1.0)
     _, values, rows = np.linalg.svd(design / width, full_matrices=False)
@@ -230,10 +278,10 @@ def fit_records(records: Sequence[Kept], system: System) -> JointFit:
     theta = theta_u = np.zeros(1)
     gain = 0.0
     if freedom > 0 and parts.max() > 0.0:
-        stretch = Stretch(turned, parts, rest, reduced)
-        components = fit([stretch])
+        stretch = reml.Stretch(turned, parts, rest, reduced)
+        components = reml.fit([stretch])
         theta, theta_u = components.theta, components.u
-        without = components_at([stretch], np.zeros(1))
+        without = reml.components_at([stretch], np.zeros(1))
         gain = without.restricted_deviance - components.restricted_deviance
     variance = theta @ parts + rest
     weighted = reduced / variance[:, None]
@@ -242,15 +290,9 @@ def fit_records(records: Sequence[Kept], system: System) -> JointFit:
     covariance = np.linalg.inv(reduced.T @ (reduced / wider[:, None]))
     solved = inverse @ (weighted.T @ turned)
     left = turned - reduced @ solved
-    back = basis / width[:, None]
+    back = terms @ (basis / width[:, None])
     value = back @ solved
     apart = data - columns @ value
-    strayed = 0.0
-    if system.drifting:
-        first = len(layout.rates) + 3 * len(layout.repeats)
-        hours = _since_mean_h(records, layout)[layout.rate_of >= 0]
-        rates = value[first + layout.repeat_of[layout.rate_of >= 0]]
-        strayed = float(np.sqrt(np.mean((rates * hours) ** 2)))
     return JointFit(
         layout,
         value,
@@ -264,9 +306,20 @@ def fit_records(records: Sequence[Kept], system: System) -> JointFit:
         apart,
         sigma,
         system.drifting,
-        strayed,
+        _strayed(records, system, value),
         float(theta_u[0]),
     )
+
+
+def _strayed(records: Sequence[Kept], system: System, value: Array) -> float:
+    """Return by how much, rms over the turning records, K was another one than at the mean time."""
+    layout = system.layout
+    if not system.drifting:
+        return 0.0
+    turning = layout.rate_of >= 0
+    first = len(layout.rates) + 3 * len(layout.repeats)
+    drifts = value[first + layout.repeat_of[turning]]
+    return float(np.sqrt(np.mean((drifts * _since_mean_h(records, layout)[turning]) ** 2)))
 
 
 def _columns(records: Sequence[Kept], layout: Layout, *, drifting: bool) -> Array:
@@ -319,3 +372,151 @@ def _middles_h(records: Sequence[Kept]) -> Array:
         np.array([float(kept.record.time_s[kept.good].mean()) for kept in records])
         / SECONDS_PER_HOUR
     )
+
+
+AGREE = 1e-3
+"""By chance, rates of one scale factor agree worse than this seldom."""
+DRAWS = 1000
+NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a gyro on a rate table gives, None where the data do not determine it.
+
+    Ratios: `scale_factor`, `factors` K_i (m,) at `nominal` rates in deg/s with u (m,), NaN where
+    not determined. In ppm: `nonlinearity` and `of_full_scale`, `asymmetry`, `repeatability`. `bias`
+    in deg/h, the earth's rate in it. `agree` is whether the K_i differ by noise alone; `curve`
+    (2, m) the distance from the line in both senses, over full scale, in ppm.
+    """
+
+    scale_factor: Measured | None
+    nonlinearity: Measured | None
+    of_full_scale: Measured | None
+    asymmetry: Measured | None
+    repeatability: Measured | None
+    bias: Measured | None
+    nominal: Array
+    factors: Array
+    factors_u: Array
+    agree: bool
+    curve: Array
+
+
+def results_of(fit: JointFit, range_deg_per_s: float | None = None) -> Results:
+    """Return the results of a solution; full scale is the largest input unless it is stated."""
+    ratios, width = fit.scale_factors(), len(fit.value)
+    rates = fit.layout.rates
+    line = (rates**2 @ ratios) / float(rates @ rates) if len(rates) else np.zeros(width)
+    has_line = bool(len(rates)) and fit.determined(line)
+    scale = float(line @ fit.value)
+    seen = np.array([fit.determined(ratio) for ratio in ratios], dtype=bool)
+    factors = np.where(seen, ratios @ fit.value, np.nan)
+    factors_u = np.where(seen, _u(fit, ratios), np.nan)
+    spread = _spread(fit) if has_line else None
+    even = np.zeros(width)
+    even[fit.asymmetry] = 2.0 * PPM
+    has_even = has_line and fit.determined(even)
+    relative = (ratios - line) * PPM / scale if has_line else ratios
+    nonlinearity = of_full_scale = None
+    agree, curve = True, np.full((2, len(rates)), np.nan)
+    if has_line and len(rates) > 1 and bool(seen.all()):
+        nonlinearity, agree = _largest(fit, relative)
+        if has_even:
+            even_line = np.outer(rates - rates.mean(), even / 2.0) / scale
+            full = rates.max()
+            if range_deg_per_s is not None:
+                full = range_deg_per_s * SECONDS_PER_HOUR
+            both = [(rates[:, None] * relative + s * even_line) / full for s in (1.0, -1.0)]
+            of_full_scale, _ = _largest(fit, np.vstack(both))
+            curve = np.array([both[0] @ fit.value, -(both[1] @ fit.value)])
+    counts = np.bincount(fit.layout.repeat_of, minlength=fit.switch_ons)
+    mean = counts / counts.sum() @ fit.biases()
+    return Results(
+        _scale_factor(fit, line, spread) if has_line else None,
+        nonlinearity,
+        of_full_scale,
+        _measured(fit, even / scale) if has_even else None,
+        _repeatability(spread, scale) if spread else None,
+        _measured(fit, mean) if fit.determined(mean) else None,
+        fit.layout.nominal,
+        factors,
+        factors_u,
+        agree,
+        curve,
+    )
+
+
+def _u(fit: JointFit, gradients: Array) -> Array:
+    squares = np.einsum("ij,jk,ik->i", gradients, fit.covariance, gradients)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+
+def _measured(fit: JointFit, gradient: Array) -> Measured:
+    return Measured(float(gradient @ fit.value), float(_u(fit, gradient[None])[0]))
+
+
+def _largest(fit: JointFit, gradients: Array) -> tuple[Measured, bool]:
+    """Return the largest magnitude of several combinations, and whether they are all noise.
+
+    By chi-square. The largest of noise is no normal number about zero: u is then its root mean
+    square, so that the interval holds zero. Otherwise u is that of the largest one.
+    """
+    values, covariance = gradients @ fit.value, gradients @ fit.covariance @ gradients.T
+    size, shape = np.linalg.eigh(covariance)
+    there = size > NOTHING * size.max()
+    square = float(np.sum((shape.T @ values)[there] ** 2 / size[there]))
+    worst = int(np.argmax(np.abs(values)))
+    agree = square <= float(chdtri(int(there.sum()), AGREE))
+    u = float(np.sqrt(covariance[worst, worst]))
+    if agree:
+        noise = np.random.default_rng(0).standard_normal((DRAWS, int(there.sum())))
+        drawn = noise @ (shape[:, there] * np.sqrt(size[there])).T
+        u = float(np.sqrt(np.mean(np.max(np.abs(drawn), axis=1) ** 2)))
+    return Measured(abs(float(values[worst])), u), agree
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Variance of these switch-ons' scale factors, noise in it and taken off, and its u."""
+
+    square: float
+    own: float
+    u: float
+    count: int
+
+
+def _spread(fit: JointFit) -> _Spread | None:
+    parts = fit.departures()
+    if fit.switch_ons < 2 or not all(fit.determined(part) for part in parts):
+        return None
+    value = parts @ fit.value
+    noise = parts @ fit.covariance @ parts.T
+    freedom = fit.switch_ons - 1
+    own = float(np.trace(noise)) / freedom
+    away = 2.0 * value / freedom
+    u = np.sqrt(float(away @ noise @ away) + 2.0 * float(np.sum(noise * noise)) / freedom**2)
+    return _Spread(float(value @ value) / freedom, own, float(u), fit.switch_ons)
+
+
+def _repeatability(spread: _Spread, scale: float) -> Measured:
+    factor = (PPM / scale) ** 2
+    return root((spread.square - spread.own) * factor, spread.u * factor)
+
+
+def _scale_factor(fit: JointFit, line: Array, spread: _Spread | None) -> Measured:
+    """Return K; where it differs between switch-ons or drifts, that is in its u.
+
+    Of n switch-ons the spread has n - 1 degrees of freedom, also where it happens to be small: what
+    it is taken off from is as uncertain as the whole of it (Welch and Satterthwaite).
+    """
+    measured = _measured(fit, line)
+    variance = measured.u**2 + fit.strayed**2
+    if spread is None:
+        return Measured(measured.value, float(np.sqrt(variance)))
+    scattered = max(spread.square - spread.own, 0.0) / spread.count
+    variance += scattered
+    freedom = None
+    if spread.square > 0.0:
+        freedom = (spread.count - 1) * (variance * spread.count / spread.square) ** 2
+    return Measured(measured.value, float(np.sqrt(variance)), freedom)

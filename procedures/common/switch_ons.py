@@ -1,0 +1,62 @@
+"""Gyros that are switched on, warmed up and recorded, again and again: steps and thresholds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Protocol
+
+from pydantic import Field
+
+from station.fields import StrictModel
+from station.findings import FlagThresholds
+from station.method.commands import GyroSampling, Power
+from station.method.run import Run
+from station.procedure import Prompt
+
+GYRO, POWER = "gyro_acquisition", "dut_power"
+CABLES = Prompt("connect-cables", "Connect the gyro to its acquisition board and its supply.")
+
+
+class Thresholds(StrictModel):
+    """Where a flag is raised; the defaults are those of the result format."""
+
+    not_significant: Annotated[float, Field(gt=0)] = FlagThresholds.not_significant
+    gap: Annotated[float, Field(gt=1)] = FlagThresholds.gap
+    outlier: Annotated[float, Field(gt=1)] = FlagThresholds.outlier
+    drift_removed: Annotated[float, Field(gt=0)] = 3.0
+
+
+class SwitchOns(Protocol):
+    """What a plan says of each switch-on."""
+
+    warm_up_s: float
+    cool_s: float
+    sample_interval_s: float
+    channel: int
+
+
+def unit_of(number: int) -> str:
+    """Return the name of a switch-on's unit of work, counted from 1."""
+    return f"switch-on {number}"
+
+
+def cool(run: Run, number: int) -> None:
+    """Switch the gyro off and let it cool, before every switch-on but the first."""
+    parameters: SwitchOns = run.parameters
+    if number > 1:
+        run.apply(Power(POWER, False))
+        run.wait(parameters.cool_s, f"{unit_of(number)}: the gyro cools, switched off")
+
+
+def warm_up(run: Run, number: int) -> float:
+    """Switch the gyro on, let it warm up, start its samples; return when it was switched on."""
+    parameters: SwitchOns = run.parameters
+    run.apply(Power(POWER, True))
+    on_s = run.now_s
+    run.wait(parameters.warm_up_s, f"{unit_of(number)}: the gyro warms up")
+    run.apply(GyroSampling(GYRO, parameters.sample_interval_s, parameters.channel))
+    return on_s
+
+
+def switch_off(run: Run) -> None:
+    """Switch the gyro off, when all is recorded."""
+    run.apply(Power(POWER, False))
