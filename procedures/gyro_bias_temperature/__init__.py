@@ -1,54 +1,32 @@
 """The bias of a gyro over temperature: soaks and ramps in a chamber, the gyro at rest.
 
-Imported data only: a run of it does not exist yet, and a plan that asks for one is refused.
-
 Source: JJF 1535, bias temperature sensitivity (title seen, formula by public use; no clause is
 quoted).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from procedures.common.imported import imported_only
+from station.procedure import LazyImport, ResultKind
 
-from station.errors import InputError
-from station.fields import StrictModel
-from station.procedure import LazyImport, Problem, Procedure, ResultKind
+UNITS = {
+    "bias": "deg/h",
+    "bias_temperature_sensitivity": "deg/h/degC",
+    "largest_bias_slope": "deg/h/degC",
+    "bias_rate_sensitivity": "deg/h/(degC/min)",
+    "hysteresis": "deg/h",
+    "sensor_lag": "s",
+    "chamber_lag": "s",
+}
+"""The results and their units, in the order of the contract."""
 
-from .units import AXES, UNITS
-
-if TYPE_CHECKING:
-    from station.findings import Findings
-    from station.instruments.bench import Bench
-    from station.record.folder import RunFolder
-
-IMPORTED = "bias over temperature is for imported data: use `station analyse` on a dataset folder"
-
-
-class TemperatureParameters(StrictModel):
-    """A plan has no parameters: it cannot be run."""
-
-
-def check(parameters: TemperatureParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield why no plan of it can run."""
-    yield Problem(("procedure",), IMPORTED)
-
-
-def no_run(folder: RunFolder, parameters: TemperatureParameters, bench: Bench) -> Findings:
-    """Refuse what no run can have recorded."""
-    raise InputError(IMPORTED)
-
-
-PROCEDURE = Procedure(
+PROCEDURE = imported_only(
+    __name__,
+    "bias over temperature",
     name="gyro-bias-temperature",
     title="Gyro at rest: bias over temperature (imported data)",
     source="JJF 1535, bias temperature sensitivity (no clause is quoted)",
-    parameters=TemperatureParameters,
-    results={name: ResultKind(AXES, unit) for name, unit in UNITS.items()},
-    steps=(),
-    evaluate_run=no_run,
-    evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
-    check=check,
+    results={name: ResultKind(("IA", "X", "Y", "Z"), unit) for name, unit in UNITS.items()},
     report=LazyImport(f"{__name__}.figures:draw_parts"),
     assumptions=(
         "The curve is the bias at rest in the middle of its hysteresis loop, against the "
@@ -57,5 +35,4 @@ PROCEDURE = Procedure(
         "of temperature are one: the stated prior of the lag decides between them.",
         "Another switch-on has another bias: its repeatability is in no u here.",
     ),
-    conditions=LazyImport(f"{__name__}.from_import:Conditions").get,
 )

@@ -11,7 +11,7 @@ from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .from_import import dataset_of_import
+from .dataset import dataset_of_import
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset

@@ -11,7 +11,7 @@ from station.report.numbers import format_with_uncertainty
 from station.results import ResultDocument
 
 from .analysis import AxisOverTemperature, TemperatureAnalysis
-from .fit import BiasFit
+from .solution import BiasFit
 
 HOUR_S = 3600.0
 PLACES = 121

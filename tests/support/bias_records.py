@@ -12,7 +12,7 @@ from static_records import noise
 from procedures.estimation.direction import Direction
 from procedures.gyro_bias_temperature.analysis import analyse
 from procedures.gyro_bias_temperature.dataset import TemperatureDataset
-from procedures.gyro_bias_temperature.thermal import lagged, loop
+from procedures.gyro_bias_temperature.model import lagged, loop
 
 Array = NDArray[np.float64]
 

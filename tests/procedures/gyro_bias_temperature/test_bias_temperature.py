@@ -14,11 +14,11 @@ from bias_records import CASES, Gyro, errors_in_u, record
 from numpy.polynomial import chebyshev
 from places import DATA
 
+from procedures.gyro_bias_temperature import UNITS
 from procedures.gyro_bias_temperature.analysis import TemperatureAnalysis, analyse
 from procedures.gyro_bias_temperature.evaluate import findings_of_dataset
 from procedures.gyro_bias_temperature.figures import draw_parts
-from procedures.gyro_bias_temperature.thermal import lagged, loop
-from procedures.gyro_bias_temperature.units import UNITS
+from procedures.gyro_bias_temperature.model import lagged, loop
 from station.dataset_reading import read_dataset
 from station.findings import Estimate, Findings
 from station.runner.evaluation import evaluate_dataset

@@ -24,7 +24,7 @@ from procedures.estimation.rate_spectrum import FLICKER, coefficients, noise_var
 from procedures.estimation.reml import RIDGE, Components, Stretch, fit, solve
 
 from .dataset import Array
-from .thermal import lagged, loop, rate_per_minute
+from .model import INNER_PRIOR_S, Lags, Setting
 
 HIGHEST_ORDER = 9
 FEWER, MORE = 2, 3
@@ -52,8 +52,6 @@ CHAMBER_LAGS_S = 300.0, 4500.0
 """Of a gyro behind the air of its chamber, the lag within it included."""
 STARTS = 9
 """Such lags with which the search begins."""
-INNER_PRIOR_S = 300.0
-"""Standard uncertainty of the lag within a gyro that has no thermometer, as it is of others."""
 MAX_INNER = 0.5
 """Of the whole lag."""
 MAX_U_OF_LAG = 0.25
@@ -61,60 +59,12 @@ MAX_U_OF_LAG = 0.25
 SHIFTED_ROWS = (-60, -45, -30, -20, -10, 10, 20, 30, 45, 60)
 SHIFT_SEEN = 30.0
 """In -2 ln of the likelihood: no lag of a sound record falls behind a delay by so much."""
-MIN_LAG = 0.01
-"""Of an interval: what is known of a lag beforehand where it is stated to be none."""
 WALK_MEAN = 1.0 / 3.0
 """Variance of the mean of a random walk from zero, over that of its end."""
 
 
-Lags = tuple[float, ...]
-"""The whole lag of Te in s and, behind a chamber, the part of it that is within the gyro."""
 StretchAt = Callable[[int, Lags, float], Stretch]
 """The record by order of the curve, lags in s and half width in degC."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """Temperature (n,) on the grid of the rows, what is known beforehand, and what is asked for.
-
-    `lag_prior_s` is that of the gyro's own thermometer, None where the chamber's is the only one;
-    `step` what a reading of the output is rounded to, in deg/h.
-    """
-
-    temperature: Array
-    interval_s: float
-    lag_prior_s: float | None
-    has_loop: bool
-    step: float = 0.0
-
-    @property
-    def priors_s(self) -> Array:
-        """The standard uncertainties of the lags that are known beforehand."""
-        if self.lag_prior_s is None:
-            return np.array([np.inf, INNER_PRIOR_S])
-        return np.array([max(self.lag_prior_s, MIN_LAG * self.interval_s)])
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        """The lowest and highest temperature."""
-        return float(self.temperature.min()), float(self.temperature.max())
-
-    def scaled(self, temperature: Array) -> Array:
-        """Return temperatures on the curve's domain, -1 to 1."""
-        low, high = self.domain
-        return np.asarray((2.0 * temperature - low - high) / (high - low))
-
-    def columns(self, order: int, lags_s: Lags, width: float) -> Array:
-        """Return the model's columns (n, p): polynomials 1..order, rate, half the loop."""
-        own = self.temperature
-        if self.lag_prior_s is None:
-            own = lagged(own, lags_s[0] - lags_s[1], self.interval_s)
-        effective = lagged(own, lags_s[-1], self.interval_s)
-        curve = chebyshev.chebvander(self.scaled(effective), order)[:, 1:]
-        parts = [curve, rate_per_minute(own, self.interval_s)[:, None]]
-        if self.has_loop:
-            parts.append(0.5 * loop(effective, width)[:, None])
-        return np.column_stack(parts)
 
 
 @dataclass(frozen=True)
