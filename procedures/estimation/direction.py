@@ -10,12 +10,14 @@ import numpy as np
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
 from station.findings import Estimate, Findings, Flag, InputQuantity, contradiction
 
-from .readings import DEG_PER_H, Reading, Remainder, named, suiting
+from .readings import DEG_PER_H, Reading, Remainder, Suit, named, suiting
 
 MIN_EARTH_DEG_PER_H = 1.0
 """An axis that is to feel less shows none of it, nor does one whose bias is as large."""
 ZERO, REVERSED = 0.005, 0.04
 """Parts of the earth's rate within which a mean is none of it, or its opposite."""
+SMALLER = {"mdeg/h": 1e-3, "arcsec/h": 1.0 / 3600.0, "udeg/h": 1e-6}
+"""Units that a rate stated in deg/h may be in and that make it far too large."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ def earth_flags(
     zero: float = ZERO,
     reverse: float = REVERSED,
 ) -> list[Flag]:
-    """Return the flag of an output at rest that reads nothing of the earth, or its opposite.
+    """Return the flag of an output at rest that reads nothing of the earth, its opposite, or a
+    multiple of it that another unit makes.
 
     `zero` and `reverse` are parts of the earth's rate within which the mean is one of these; NaN is
     no mean.
@@ -69,16 +72,27 @@ def earth_flags(
         f"{axis} reads {mean_deg_per_h:.4g} deg/h where it should feel {earth:.4g} deg/h of the "
         "earth"
     )
-    if abs(ratio) < zero:
+
+    def suits_in(factors: Mapping[str, float], noise: float) -> list[Suit[float]]:
         units = [
             Reading[float](f"the output is in {unit}", factor.__mul__, "unit")
-            for unit, factor in DEG_PER_H.items()
+            for unit, factor in factors.items()
         ]
-        suits = suiting(mean_deg_per_h, [units], lambda rate: Remainder((rate - earth) ** 2, 1.0))
+        return suiting(
+            mean_deg_per_h, [units], lambda rate: Remainder((rate - earth) ** 2, 1.0, noise)
+        )
+
+    if abs(ratio) < zero:
+        suits = suits_in(DEG_PER_H, 0.0)
         likely = f": it fits if {named(suits)}" if suits else ""
         sentence = (
             f"{should}{likely}. Look at the unit of the output, whether the earth's rate was taken "
             "off before, and whether the gyro works; every result goes with the unit."
+        )
+    elif abs(ratio) > 1.0 and (suits := suits_in(SMALLER, (reverse * earth) ** 2)):
+        sentence = (
+            f"{should}: it fits if {named(suits)}. Look at the unit of the output; every result "
+            "goes with it."
         )
     elif abs(ratio + 1.0) < reverse:
         sentence = (

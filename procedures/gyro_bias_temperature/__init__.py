@@ -31,6 +31,8 @@ PROCEDURE = imported_only(
     assumptions=(
         "The curve is the bias at rest in the middle of its hysteresis loop, against the "
         "temperature that the thermometer reads: its offset is not in u.",
+        "Without a thermometer of the gyro the temperature is the chamber's: a gyro that warms "
+        "itself is warmer than that by an amount that nothing here shows.",
         "With a curve that is nearly a line the lag of the sensor and the sensitivity to the rate "
         "of temperature are one: the stated prior of the lag decides between them.",
         "Another switch-on has another bias: its repeatability is in no u here.",

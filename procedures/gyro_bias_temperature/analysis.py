@@ -13,10 +13,10 @@ from procedures.estimation.noise import grid_index
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
 from . import UNITS
-from .checks import chamber_lag, data_flags, result_flags, rows_flag, thermometers_of
+from .checks import chamber_lag, data_flags, result_flags, rows_flags, thermometers_of
 from .dataset import FEWEST_ROWS, AnalysisSettings, Array, Index, Soak, TemperatureDataset, soaks_of
 from .model import Setting
-from .solution import PASSED, BiasFit, fit_bias, rows_late
+from .solution import PASSED, BiasFit, fit_bias
 
 SETTINGS = AnalysisSettings()
 MIN_RANGE_DEGC = 2.0
@@ -72,10 +72,9 @@ def analyse(
         earth = direction.earth_deg_per_h(dataset.latitude_rad)
         own = dataset.rate_deg_per_h[:, column] - earth
         screened, rate, fit = _solved(axis, index, own, setting, settings.outlier, refused)
-        late = None if fit is None else rows_late(rate, setting, fit)
-        if late is not None:
+        if fit is not None and (late := rows_flags(axis, rate, setting, fit)):
             fit = None
-            flags.append(rows_flag(axis, late))
+            flags += late
         of_axis = estimates_of(axis, dataset, setting, fit, soaks, lag, thermometers.u_degC)
         estimates += of_axis
         published += published_values(axis, own, soaks, dataset.reference_degC)
@@ -181,8 +180,11 @@ def estimates_of(
             north, up = dataset.directions[axis].sensitivities(dataset.latitude_rad)
             depends = {f"azimuth_{axis}": -north, f"elevation_{axis}": -up}
             low, high = setting.domain
+            held_at = {"temperature": f"{dataset.reference_degC:g} degC"}
+            if dataset.gyro_degC is None:
+                held_at["thermometer"] = "the chamber's thermometer"
             extra = {
-                "conditions": {"temperature": f"{dataset.reference_degC:g} degC"},
+                "conditions": held_at,
                 "model": {
                     "basis": "chebyshev",
                     "domain": [low, high],

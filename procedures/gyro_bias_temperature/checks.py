@@ -7,8 +7,9 @@ mended: nothing is reported from it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -20,17 +21,28 @@ from procedures.estimation.direction import earth_flags
 from procedures.estimation.flags import Gaps, gaps_of, not_identifiable, too_stiff
 from procedures.estimation.measured import Measured
 from procedures.estimation.noise import grid_index
+from procedures.estimation.plausibility import Bounds, implausible
+from procedures.estimation.rate_spectrum import coefficients, noise_variances
+from procedures.estimation.readings import (
+    Reading,
+    Remainder,
+    exchanged,
+    named,
+    shifted,
+    suiting,
+)
 from procedures.estimation.recorder import largest_jump
+from procedures.estimation.reml import Stretch, solve
 from station.findings import Estimate, Flag, contradiction
 
 from . import UNITS
 from .dataset import AnalysisSettings, Array, Index, Mask, TemperatureDataset, soaks_of
-from .model import Setting, lagged
+from .model import Lags, Setting, lagged
 from .solution import BiasFit
 
 GYRO, CHAMBER, SET_POINT = "gyro_temperature_degC", "chamber_temperature_degC", "set_point_degC"
-COLDEST_DEGC, HOTTEST_DEGC = -100.0, 200.0
-"""No gyro is tested beyond."""
+COLDEST_DEGC, HOTTEST_DEGC = -100.0, 400.0
+"""No gyro is tested beyond, in kelvin either."""
 HARMLESS_DEGC = 0.4
 """An air that is controlled jumps about by so much, and no result feels it."""
 QUIET_DEGC, NARROWEST, WIDEST = 0.05, 5, 121
@@ -43,15 +55,23 @@ MAX_OFF_DEGC = 5.0
 """By so much the ends of soaks may be off their set-points, in the chamber's air."""
 MAX_WARMER_DEGC = 25.0
 """By so much a gyro warms itself."""
-MAX_GAIN_OFF = 0.06
-"""Change of a gyro's temperature over that of the set-point: in another unit it is 1.8."""
-SLOWER, MIN_APART_DEGC = 2.0, 1.0
-"""Times, and at least, by which the chamber's column leaves the set-point more than the gyro's."""
-MAX_LATE_S, MAX_EARLY_S = 540.0, 300.0
-"""A second lag of a gyro looks late, by less than that; nothing is ahead of what drives it."""
-LATEST_S, SHIFTS = 3600.0, 12
-BETTER = 0.5
-"""Part of the squares that shifted rows must not leave."""
+GAINS = 0.94, 1.06
+"""Change of a thermometer over that of the set-point."""
+LATE_S = (-3600.0, -1800.0, -1200.0, -600.0, 600.0, 1200.0, 1800.0, 3600.0)
+"""How late rows may be: a second lag of a gyro looks late by less."""
+FOLLOWS_DEGC = 0.1
+"""What a thermometer that stands as stated may leave of a first-order lag, whatever its cause."""
+BETTER = 0.7
+"""Part of the rms that temperatures as stated leave, which those read otherwise must not leave."""
+AS_GOOD = 2.0
+"""Times the rms of the best reading: another one leaves more, and is none."""
+SLOW_S = 1800.0
+"""Temperatures nearer in time are no second proof."""
+ROWS_LATE = (-60, -45, -30, -15, 15, 30, 45, 60)
+LAG_SHARES = 0.1, 0.5
+"""Parts of the lag that are tried with rows read otherwise, which may be of it."""
+SHIFT_SEEN = 30.0
+"""In -2 ln of the likelihood: no lag of a sound record falls behind a delay by so much."""
 STEPPED_SET_POINT_DEGC, SETTLING_ROWS = 3.0, 20
 """From row to row: the air jumps with a set-point that does."""
 THEN = "Their temperature is filled in by that of {}."
@@ -59,6 +79,8 @@ STEPPED = (
     "The readings after it are set back to those before it, and half of the step is in u of the "
     "bias. Look at the thermometer's place and its cable."
 )
+UNITS_OF_TEMPERATURE = {"degrees Fahrenheit": (1.8, 32.0), "kelvin": (1.0, 273.15)}
+"""Degrees in one degC, and where 0 degC is."""
 COARSE = "where it stands still, so does its rounding: u of the bias holds that."
 
 SHORTEST_ROWS = 0.2
@@ -155,30 +177,50 @@ def thermometers_of(dataset: TemperatureDataset) -> Thermometers:
     screened, chamber, u_degC = _mended(air, placed(dataset.chamber_degC), free)
     raised = channel_flags([screened]) + _standing(set_point, chamber[screened.good])
     chamber = _filled(chamber, screened.good, set_point)
-    refusals = _refused(dataset, CHAMBER, (screened, chamber), set_point, index)
-    refusals = refusals or _shifted(CHAMBER, SET_POINT, chamber, set_point, interval_s)
-    chamber_good = not refusals
-    if dataset.gyro_degC is None:
-        return Thermometers(chamber, None, tuple(raised), tuple(refusals), chamber_good, u_degC)
-    own = _channel("the gyro's thermometer", "the chamber, behind its lag")
-    screened, gyro, u_degC = _mended(own, placed(dataset.gyro_degC), free & False)
-    raised += channel_flags([screened])
-    drive, name = (chamber, CHAMBER) if chamber_good else (set_point, SET_POINT)
+    chamber_flags = _standing_still(CHAMBER, screened.good[index])
+    gyro, gyro_flags = None, list[Flag]()
+    if dataset.gyro_degC is not None:
+        own = _channel("the gyro's thermometer", "the chamber, behind its lag")
+        screened, gyro, more_u = _mended(own, placed(dataset.gyro_degC), free & False)
+        u_degC = more_u
+        raised += channel_flags([screened])
+        drive = set_point if chamber_flags else chamber
+        gyro = _followed(gyro, screened, drive, interval_s)
+        gyro_flags = _standing_still(GYRO, screened.good[index])
+    asked = Temperatures(set_point, chamber, gyro)
+    misread, columns = list[Flag](), set[str]()
+    if not chamber_flags and not gyro_flags:
+        misread, columns = _misread(asked, interval_s)
+    if not misread:
+        chamber_flags += _far_off(dataset, CHAMBER, chamber, set_point, index)
+        if gyro is not None and not gyro_flags:
+            gyro_flags = _far_off(dataset, GYRO, gyro, set_point, index)
+    followed = CHAMBER if gyro is None else GYRO
+    refusals = gyro_flags if gyro is not None else chamber_flags
+    if followed in columns:
+        refusals += misread
+    else:
+        raised += misread
+    if gyro is not None:
+        # The chamber's column serves the lag behind it alone.
+        raised += chamber_flags
+    good = not chamber_flags and CHAMBER not in columns
+    return Thermometers(chamber, gyro, tuple(raised), tuple(refusals), good, u_degC)
+
+
+def _followed(values: Array, screened: Screened, drive: Array, interval_s: float) -> Array:
+    """Return a gyro's temperatures (n,), filled in and smoothed by those of what drives it."""
     blurred = float(np.hypot(screened.noise, screened.step / np.sqrt(12.0)))
-    if screened.good.any() and (blurred > QUIET_DEGC or not screened.good.all()):
-        roughly = _filled(gyro, screened.good, np.zeros(len(gyro)))
-        lag = chamber_lag(roughly, drive, interval_s, screened.good)
-        like = np.zeros(len(gyro)) if lag is None else lagged(drive, lag.value, interval_s)
-        gyro = _filled(gyro, screened.good, like)
-        if blurred > QUIET_DEGC:
-            wide = min(WIDEST, (blurred / QUIET_DEGC) ** 2 * NARROWEST)
-            gyro = like + uniform_filter1d(gyro - like, int(wide) | 1)
-    wrong = _refused(dataset, GYRO, (screened, gyro), set_point, index)
-    wrong = wrong or _exchanged(set_point, chamber, gyro)
-    wrong = wrong or _shifted(GYRO, name, gyro, drive, interval_s)
-    # The chamber's column serves the lag behind it alone.
-    raised += refusals
-    return Thermometers(chamber, gyro, tuple(raised), tuple(wrong), chamber_good, u_degC)
+    if not screened.good.any() or (blurred <= QUIET_DEGC and screened.good.all()):
+        return values
+    roughly = _filled(values, screened.good, np.zeros(len(values)))
+    lag = chamber_lag(roughly, drive, interval_s, screened.good)
+    like = np.zeros(len(values)) if lag is None else lagged(drive, lag.value, interval_s)
+    values = _filled(values, screened.good, like)
+    if blurred > QUIET_DEGC:
+        wide = min(WIDEST, (blurred / QUIET_DEGC) ** 2 * NARROWEST)
+        values = like + uniform_filter1d(values - like, int(wide) | 1)
+    return values
 
 
 def _channel(name: str, filled_by: str) -> Channel:
@@ -233,107 +275,128 @@ def _standing(set_point: Array, chamber: Array) -> list[Flag]:
     return [contradiction(SET_POINT, standing_text, moved_degC=moved)]
 
 
-def _refused(
-    dataset: TemperatureDataset,
-    column: str,
-    readings: tuple[Screened, Array],
-    set_point: Array,
-    index: Index,
-) -> list[Flag]:
-    """Return why a thermometer's column is not what it is called, or nothing.
+def _standing_still(column: str, good: Mask) -> list[Flag]:
+    """Return why a thermometer of whose rows too few are `good` is none, or nothing."""
+    share = float(np.mean(good))
+    if share >= MIN_GOOD:
+        return []
+    stands_text = (
+        f"Of the column {column} {100.0 * (1.0 - share):.0f} % are no readings: the "
+        "thermometer stood still, or was not connected. Nothing is reported from it."
+    )
+    return [contradiction(column, stands_text, part=1.0 - share)]
 
-    `readings` are the screened ones and those filled in, on the grid of the rows at `index`.
-    """
-    screened, filled = readings
-    interval_s = dataset.sample_interval_s
-    share = float(np.mean(screened.good[index]))
-    if share < MIN_GOOD:
-        stands_text = (
-            f"Of the column {column} {100.0 * (1.0 - share):.0f} % are no readings: the "
-            "thermometer stood still, or was not connected. Nothing is reported from it."
-        )
-        return [contradiction(column, stands_text, part=1.0 - share)]
-    ends = soaks_of(dataset, filled[index])
+
+def _far_off(
+    dataset: TemperatureDataset, column: str, values: Array, set_point: Array, index: Index
+) -> list[Flag]:
+    """Return the flag of a thermometer (n,) that no set-point can have led to, or none."""
+    ends = soaks_of(dataset, values[index])
     if not ends or float(np.ptp(set_point)) < MIN_RANGE:
         return []
     asked = np.array([float(np.mean(dataset.set_point_degC[soak.rows])) for soak in ends])
-    read = np.array([soak.temperature_degC for soak in ends])
-    off = float(np.median(read - asked))
+    off = float(np.median(np.array([soak.temperature_degC for soak in ends]) - asked))
     limit = MAX_OFF_DEGC if column == CHAMBER else MAX_WARMER_DEGC
-    _, gain = _behind(filled, set_point, interval_s, gain=True)
-    if abs(off) <= limit and abs(gain - 1.0) <= MAX_GAIN_OFF:
-        return []
-    unit = "kelvin" if abs(off - 273.15) < limit else "another unit, or off"
-    if abs(gain - 1.8) < 1.8 * MAX_GAIN_OFF:
-        unit = "degrees Fahrenheit"
-    unit_text = (
-        f"At the ends of soaks the column {column} is {off:.3g} degC from the set-point, and "
-        f"changes {gain:.3g} times as much: likely it is in {unit}. Nothing is reported from it; "
-        "correct the column."
+    look = "Nothing is reported from it; look at its unit, and whether the column is another."
+    offset = Bounds(column, f"The column {column} less the set-point", -limit, limit, "degC", look)
+    name = f"The change of the column {column} over that of the set-point"
+    gain = _behind(values, set_point, dataset.sample_interval_s, limit)[1]
+    return implausible(off, offset) or implausible(gain, Bounds(column, name, *GAINS, "", look))
+
+
+@dataclass(frozen=True)
+class Temperatures:
+    """Set-points and thermometers on the grid of the rows (n,), degC."""
+
+    set_point: Array
+    chamber: Array
+    gyro: Array | None
+
+
+def _misread(stated: Temperatures, interval_s: float) -> tuple[list[Flag], set[str]]:
+    """Return the flag of temperatures that follow one another only read otherwise, and of which."""
+    parts = 1 if stated.gyro is None else 2
+
+    def remainder(read: Temperatures) -> Remainder:
+        squares = _behind(read.chamber, read.set_point, interval_s, MAX_OFF_DEGC)[0]
+        if read.gyro is not None:
+            squares += _behind(read.gyro, read.chamber, interval_s, MAX_WARMER_DEGC)[0]
+        count = len(read.chamber)
+        return Remainder(count * squares, parts * count * interval_s / SLOW_S)
+
+    left = remainder(stated)
+    sound = left.squares <= parts * len(stated.chamber) * FOLLOWS_DEGC**2
+    if sound or float(np.ptp(stated.set_point)) < MIN_RANGE:
+        return [], set()
+    tried = (
+        suiting(stated, [kind], remainder, stated=left, better=BETTER)
+        for kind in _readings(stated, interval_s)
     )
-    return [contradiction(column, unit_text, off_degC=off, gain=gain)]
-
-
-def _exchanged(set_point: Array, chamber: Array, gyro: Array) -> list[Flag]:
-    """Return the flag of a chamber that follows its set-point less closely than the gyro does."""
-    apart = [float(np.std(values - set_point)) for values in (chamber, gyro)]
-    if apart[0] < max(SLOWER * apart[1], MIN_APART_DEGC):
-        return []
-    exchanged_text = (
-        f"The column {CHAMBER} leaves the set-point by {apart[0]:.3g} degC rms, {GYRO} by "
-        f"{apart[1]:.3g} degC: no gyro follows it closer than the air around it. The two columns "
-        "are exchanged; nothing is reported."
+    best = sorted((suits[0] for suits in tried if suits), key=lambda suit: suit.squares)
+    suits = [suit for suit in best if suit.squares <= AS_GOOD**2 * best[0].squares]
+    if not suits:
+        return [], set()
+    text = (
+        f"The temperatures follow one another only if {named(suits)}. Nothing is reported from "
+        "columns that are not what they are called; correct the table."
     )
-    return [contradiction(GYRO, exchanged_text, apart_degC=apart)]
-
-
-def _shifted(
-    column: str, behind: str, values: Array, drive: Array, interval_s: float
-) -> list[Flag]:
-    """Return the flag of a thermometer whose rows are late, or ahead of what drives it."""
-    rows = np.unique(np.rint(np.linspace(-LATEST_S, LATEST_S, 2 * SHIFTS + 1) / interval_s))
-    usual, _ = _behind(values, drive, interval_s, gain=False)
-    tried = {
-        int(late): _behind(values, _late(drive, int(late)), interval_s, gain=False)[0]
-        for late in rows
+    return [suits[0].reading.flag(text)], {
+        column for suit in suits for column in suit.reading.details["columns"]
     }
-    late = min(tried, key=lambda own: tried[own])
-    if -MAX_EARLY_S < late * interval_s < MAX_LATE_S or tried[late] > BETTER * usual:
-        return []
-    where = "late" if late > 0 else "early"
-    shifted_text = (
-        f"The column {column} stands about {abs(late)} rows {where} by {behind}, beside a lag: it "
-        "is not in its rows. Nothing is reported from it; put it into its rows."
-    )
-    return [contradiction(column, shifted_text, rows=late)]
 
 
-def _late(values: Array, rows: int) -> Array:
-    """Return values (n,) so many rows later, the first or last of them repeated."""
-    if rows == 0:
-        return values
-    shifted = np.roll(values, rows)
-    if rows > 0:
-        shifted[:rows] = values[0]
-    else:
-        shifted[rows:] = values[-1]
-    return shifted
+def _readings(stated: Temperatures, interval_s: float) -> Sequence[Sequence[Reading[Temperatures]]]:
+    """Return what laboratories mix up: units, the two thermometers, rows."""
+    columns = {"set_point": SET_POINT, "chamber": CHAMBER}
+    both = []
+    if stated.gyro is not None:
+        columns["gyro"] = GYRO
+        both = [("chamber", "gyro")]
+    units = [
+        _reading(f"{{}} in {unit}", names, columns, partial(_in_unit, names, *scale))
+        for unit, scale in UNITS_OF_TEMPERATURE.items()
+        for names in [*((name,) for name in columns), *both]
+    ]
+    swapped = [_reading("{} exchanged", names, columns, exchanged(*names)) for names in both]
+    rows = sorted({round(late_s / interval_s) for late_s in LATE_S} - {0})
+    late = [[_late(name, columns, own) for own in rows] for name in columns]
+    return units, swapped, *late
 
 
-def _behind(values: Array, drive: Array, interval_s: float, gain: bool) -> tuple[float, float]:
-    """Return the variance that the best lag behind a drive (n,) leaves, and a gain, else 1."""
+def _late(name: str, columns: Mapping[str, str], rows: int) -> Reading[Temperatures]:
+    what = f"{{}} {abs(rows)} rows too {'late' if rows > 0 else 'early'}"
+    return _reading(what, (name,), columns, shifted((name,), rows))
 
-    def variance(log_lag: float) -> tuple[float, float]:
-        behind = lagged(drive, float(np.exp(log_lag)), interval_s)
-        size = 1.0
-        if gain:
-            centred = behind - behind.mean()
-            size = float(centred @ values) / max(float(centred @ centred), 1e-30)
-        return float(np.var(values - size * behind)), size
+
+def _reading(
+    what: str, names: Sequence[str], columns: Mapping[str, str], apply: Callable[..., Temperatures]
+) -> Reading[Temperatures]:
+    own = [columns[name] for name in names]
+    stand = " and ".join(own) + (" stand" if len(own) > 1 else " stands")
+    return Reading(what.format(stand), apply, own[-1], {"columns": own})
+
+
+def _in_unit(names: Sequence[str], degrees: float, zero: float, read: Temperatures) -> Temperatures:
+    return replace(read, **{name: (getattr(read, name) - zero) / degrees for name in names})
+
+
+def _behind(values: Array, drive: Array, interval_s: float, limit: float) -> tuple[float, float]:
+    """Return the mean square that the best lag behind a drive (n,) leaves, and the gain.
+
+    Beside the lag, `values` (n,) may be off by `limit`.
+    """
+
+    def left(log_lag: float) -> Array:
+        apart = values - lagged(drive, float(np.exp(log_lag)), interval_s)
+        return np.asarray(apart - np.clip(apart.mean(), -limit, limit))
 
     shortest, longest = SHORTEST_ROWS * interval_s, MAX_PART * interval_s * len(values)
     bounds = (np.log(shortest), np.log(longest))
-    return variance(float(minimize_scalar(lambda own: variance(own)[0], bounds=bounds).x))
+    best = minimize_scalar(lambda own: float(np.mean(left(own) ** 2)), bounds=bounds)
+    behind = lagged(drive, float(np.exp(best.x)), interval_s)
+    centred = behind - behind.mean()
+    gain = float(centred @ values) / max(float(centred @ centred), 1e-30)
+    return float(best.fun), gain
 
 
 NEAR = 0.1
@@ -364,15 +427,48 @@ def data_flags(
     return flags
 
 
-def rows_flag(axis: str, late: int) -> Flag:
-    """Return the flag of an output that is not in its rows, late by so many of them."""
-    where = "late" if late > 0 else "early"
-    sentence = (
-        f"The output of {axis} fits the temperatures far better where it is taken for {abs(late)} "
-        f"rows {where}: it is not in its rows. Nothing is reported from it; put the columns into "
-        "their rows."
+def rows_flags(axis: str, rate: Array, setting: Setting, solution: BiasFit) -> list[Flag]:
+    """Return the flag of an output (n,) that is not in its rows, or none.
+
+    A lag is no delay: with the temperatures as late as the output the data are likelier by far.
+    """
+    data = coefficients(rate - rate.mean())
+    variance = solution.theta @ noise_variances(len(rate), setting.interval_s)[1:]
+    variance = variance + setting.step**2 / 12.0
+    order, width, lags_s = solution.order, solution.half_width_degC, np.array(solution.lags_s)
+    if setting.lag_prior_s is not None:
+        lags_s = np.maximum(lags_s, 0.5 * setting.lag_prior_s)
+    tried_s = [solution.lags_s, *(tuple((share * lags_s).tolist()) for share in LAG_SHARES)]
+
+    def left(read: Setting, own_s: Lags) -> float:
+        columns = coefficients(read.columns(order, own_s, width))
+        residuals = solve(Stretch(data, variance[None], variance, columns), variance).residuals
+        known = float(np.sum((np.array(own_s) / read.priors_s) ** 2))
+        return float(np.sum(residuals**2 / variance)) + known
+
+    def remainder(read: Setting) -> Remainder:
+        return Remainder(min(left(read, own_s) for own_s in tried_s), len(rate) - order)
+
+    late = [
+        Reading(
+            f"{abs(rows)} rows {'late' if rows > 0 else 'early'}",
+            shifted(("temperature",), -rows),
+            "rate_deg_per_h",
+            {"rows": rows},
+        )
+        for rows in ROWS_LATE
+    ]
+    stated = remainder(setting)
+    better = float(np.sqrt(max(1.0 - SHIFT_SEEN / max(stated.squares, 1.0), 0.0)))
+    suits = suiting(setting, [late], remainder, stated=stated, better=better)
+    if not suits:
+        return []
+    text = (
+        f"The output of {axis} fits the temperatures far better where it is taken for "
+        f"{suits[0].reading.what}: it is not in its rows. Nothing is reported from it; put the "
+        "columns into their rows."
     )
-    return contradiction("rate_deg_per_h", sentence, axis, rows=late)
+    return [suits[0].reading.flag(text, axis)]
 
 
 def result_flags(

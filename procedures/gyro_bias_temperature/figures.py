@@ -112,6 +112,7 @@ def _residuals(one_axis: AxisOverTemperature, fit: BiasFit) -> Plot:
 
 def _table(one_axis: AxisOverTemperature, fit: BiasFit) -> Table:
     low, high = one_axis.setting.domain
+    whose = "the chamber's" if one_axis.setting.lag_prior_s is None else "the gyro's own"
     rows = []
     for place in np.linspace(-1.0, 1.0, ROWS):
         at = 0.5 * (low + high) + 0.5 * (high - low) * place
@@ -119,7 +120,7 @@ def _table(one_axis: AxisOverTemperature, fit: BiasFit) -> Table:
         rows.append([f"{at:.2f}", *format_with_uncertainty(value, COVERAGE * u)])
     return Table(
         f"Compensation, {one_axis.axis}",
-        "Take the bias off the output at the gyro's own temperature, at rest. U is for 95 %.",
+        f"Take the bias off the output at {whose} temperature, at rest. U is for 95 %.",
         ["temperature, degC", "bias, deg/h", "U, deg/h"],
         rows,
     )

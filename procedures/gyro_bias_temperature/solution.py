@@ -13,7 +13,7 @@ would make the loop larger than it is. So are the orders of the curve and the si
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -56,9 +56,6 @@ MAX_INNER = 0.5
 """Of the whole lag."""
 MAX_U_OF_LAG = 0.25
 """Of a lag: beyond it, nothing of what it leaves is known either."""
-SHIFTED_ROWS = (-60, -45, -30, -20, -10, 10, 20, 30, 45, 60)
-SHIFT_SEEN = 30.0
-"""In -2 ln of the likelihood: no lag of a sound record falls behind a delay by so much."""
 WALK_MEAN = 1.0 / 3.0
 """Variance of the mean of a random walk from zero, over that of its end."""
 
@@ -211,32 +208,6 @@ def _searched(
         return Tried(width, lags_s, float(best_lag.fun))
 
     return [at(float(width)) for width in widths]
-
-
-def rows_late(rate: Array, setting: Setting, solution: BiasFit) -> int | None:
-    """Return by how many rows the output (n,) seems to be late, None where it is in its rows.
-
-    A lag is no delay: with rows shifted as they should be the data are likelier by far.
-    """
-    data = coefficients(rate - rate.mean())
-    parts = noise_variances(len(rate), setting.interval_s)[1:]
-    variance = solution.theta @ parts + setting.step**2 / 12.0
-
-    def deviance(late: int, share: float) -> float:
-        place = np.clip(np.arange(len(rate)) - late, 0, len(rate) - 1)
-        shifted = replace(setting, temperature=setting.temperature[place])
-        lags_s = tuple(share * lag_s for lag_s in lags)
-        columns = shifted.columns(solution.order, lags_s, solution.half_width_degC)
-        own = solve(Stretch(data, parts, variance, coefficients(columns)), variance)
-        return own.deviance + float(np.sum((np.array(lags_s) / setting.priors_s) ** 2))
-
-    lags = solution.lags_s
-    usual = deviance(0, 1.0)
-    if setting.lag_prior_s is not None:
-        lags = (max(lags[0], 0.5 * setting.lag_prior_s),)
-    tried = {late: min(deviance(late, share) for share in (0.1, 0.5, 1.0)) for late in SHIFTED_ROWS}
-    late = min(tried, key=lambda own: tried[own])
-    return late if usual - tried[late] > SHIFT_SEEN else None
 
 
 def _within(stretch: StretchAt, best: Components, order: int, tried: Tried) -> Lags:

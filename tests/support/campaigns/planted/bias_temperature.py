@@ -142,6 +142,11 @@ def fahrenheit(readings: Array) -> Array:
     return np.asarray(1.8 * readings + 32.0)
 
 
+def kelvin(readings: Array) -> Array:
+    """Return temperatures in kelvin."""
+    return np.asarray(readings + 273.15)
+
+
 OWN_THERMOMETER, CHAMBER_ALONE = of(Gyro()), of(Gyro(thermometer=False))
 FORMS = (("gyro_degC", OWN_THERMOMETER), ("chamber_degC", CHAMBER_ALONE))
 CLEAN: Sequence[Callable[[int], Sample]] = (OWN_THERMOMETER,)
@@ -158,6 +163,8 @@ ROWS: Sequence[Row] = (
     row("a straight curve", of(Gyro(curve=(0.1, 0.1))), "lag-by-prior", seeds=(1,)),
     row("output in deg/s", but(of(Gyro()), multiplied(1.0 / 3600.0)), "contradicts-statement",
         seeds=(4,), clean=of(Gyro())),
+    row("output in mdeg/h", but(of(Gyro()), multiplied(1000.0)), "contradicts-statement",
+        seeds=(4,)),
     row("output reversed", but(of(Gyro()), multiplied(-1.0)), "contradicts-statement", seeds=(4,)),
     row("wild and lost rows", of(SPOILT), "outliers-rejected gap", seeds=(4,), below_u=4.0),
     row("no hysteresis", of(Gyro(hysteresis=0.0)), "not-significant", seeds=(3,), below_u=4.0),
@@ -184,6 +191,11 @@ ROWS: Sequence[Row] = (
     *(row(f"{name} in degF", but(kind, column_of(name, fahrenheit)),
         "contradicts-statement not-identifiable", seeds=(2,), null="*")
       for name, kind in FORMS),
+    *(row(f"{name} in kelvin", but(kind, column_of(name, kelvin)),
+        "contradicts-statement not-identifiable", seeds=(2,), null="*")
+      for name, kind in FORMS),
+    row("set-points in degF", but(OWN_THERMOMETER, column_of("set_point_degC", fahrenheit)),
+        "contradicts-statement", seeds=(2,), below_u=4.0),
     *(row(f"output {rows} rows late", but(OWN_THERMOMETER, rows_of(partial(later, rows))),
         "contradicts-statement", seeds=(2,))
       for rows in (-30, 30)),
@@ -335,6 +347,7 @@ FAULTS: Sequence[Fault] = faults(
     ("spikes in 3 %", *on(RATE, spikes(0.03, 0.5))),
     ("a burst of noise", *on(RATE, noisy(0.03, 10 * WHITE))),
     ("output in deg/s", *on(RATE, times(1.0 / 3600.0)), True),
+    ("output in mdeg/h", *on(RATE, times(1000.0)), True),
     ("output of the other sign", *on(RATE, times(-1.0)), True),
     ("stated down, mounted up", *(BOTH, axis(0.0, -90.0)), True),
     ("latitude off by 5 deg", *(BOTH, stated(latitude="44.9 deg")), False),
