@@ -27,8 +27,8 @@ WIDER = 0.7
 """Standard uncertainties by which the walk is taken larger in u: its size is not well known."""
 MAX_DEGREE = 2
 """Of the curves in the rate that a scale factor may have beside one that has no form."""
-LIKELIER = 4.5
-"""Of the information criterion: a drift is solved for from ten times as likely on."""
+LIKELIER = 6.0
+"""Of the information criterion: a drift is solved for from twenty times as likely on."""
 DETERMINED = 1e-5
 """Singular values of scaled columns below this part of the largest are none."""
 
