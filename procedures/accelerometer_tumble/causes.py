@@ -76,7 +76,6 @@ def alternatives_of(dataset: TumbleDataset, scale: float) -> list[Alternative]:
         ("misfit", "another scale factor below zero", "V/g", np.abs(i), SHAPE, 1),
         ("misfit", "the fourth power of the acceleration", "V/g^4", i**4, SHAPE, 1),
         ("misfit", "the fifth power of the acceleration", "V/g^5", i**5, SHAPE, 1),
-        ("misfit", "a square of the acceleration with its sign", "V/g^2", np.abs(i) * i, SHAPE, 1),
         ("misfit", "the square along IA times the acceleration across", "V", i**2 * c, SHAPE, 1),
         ("misfit", "it drifts", "rad", slope * time, ANGLES, 1),
         ("misfit", "its scale", "rad", slope * encoder, ANGLES, 1),

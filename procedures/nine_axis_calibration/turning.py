@@ -32,7 +32,7 @@ PART_TURN = 0.02
 """Of a turn: a rest below it leaves a hundredth of the tilt's earth rate and less."""
 NOISE_DIFFERS = 0.999
 FEWEST_FOR_OWN_NOISE = 20
-MAX_ROUNDS = 4
+MAX_ROUNDS = 2
 ALWAYS_LEVEL = 0.02
 """Sine of the largest tilt of a turned axis that is expected, about one degree."""
 

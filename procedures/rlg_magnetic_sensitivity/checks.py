@@ -252,13 +252,10 @@ def _frozen(record: FittedRecord, filled: float, step: float) -> Iterator[Flag]:
 
 
 def overtone_flags(record: FittedRecord) -> Iterator[Flag]:
-    """Yield a flag for each line whose third harmonic is there, unless rounding makes one."""
+    """Yield a flag for each line whose third harmonic is there."""
     for overtone in record.gyro.overtones:
         tripled_Hz = 3.0 * overtone.driven_Hz
         if overtone.chance > OVERTONE_CHANCE:
-            continue
-        counting = counting_of(record)
-        if counting and counting.beat([tripled_Hz, overtone.driven_Hz]):
             continue
         line = next(x for x in record.field.lines if x.frequency_Hz == overtone.driven_Hz)
         overtone_text = (

@@ -62,8 +62,8 @@ def drive_flags(
             field_text = (
                 f"The measured field on {line.axis} has an amplitude of "
                 f"{abs(line.own_field_mT):.5g} mT, {100.0 * off:+.3g} % from the commanded "
-                f"{drive.amplitude_mT:g} mT{_likely(1.0 + off)}; the result uses the measured "
-                "field. Check coil, supply and gaussmeter."
+                f"{drive.amplitude_mT:g} mT; the result uses the measured field. Check coil and "
+                "supply, the unit of the field, and that the stated amplitude is the peak."
             )
             flags.append(
                 Flag(
@@ -74,20 +74,6 @@ def drive_flags(
                 )
             )
     return flags
-
-
-LIKELY = {
-    10.0: "the field's columns may be in gauss",
-    1e3: "the field's columns may be in uT",
-    1e-3: "the field's columns may be in T",
-    2.0**0.5: "the stated amplitude may be an rms value",
-    0.5: "the stated amplitude may be peak to peak",
-}
-"""What a measured amplitude over the commanded one may come from."""
-
-
-def _likely(ratio: float) -> str:
-    return next((f" ({text})" for at, text in LIKELY.items() if abs(ratio / at - 1.0) < 0.03), "")
 
 
 def cross_axis_flags(estimates: Sequence[Estimate], settings: AnalysisSettings) -> list[Flag]:
