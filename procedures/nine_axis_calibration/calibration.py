@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.common.constants import ARCSEC_PER_RAD
+from procedures.common.constants import ARCSEC_PER_RAD, SECONDS_PER_HOUR
 
 from .all_axes.results import other_sensors
 from .dataset import AXES, Array
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 
 PPM = 1e-6
-SECONDS_PER_HOUR = 3600.0
 NAME = "calibrate_gyros"
 WHAT = "Corrects the three gyros: output and result are X, Y, Z in deg/s."
 

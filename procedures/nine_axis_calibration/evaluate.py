@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.common.constants import ARCMIN_PER_RAD
+from procedures.common.constants import ARCMIN_PER_RAD, FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.common.inputs import Declared, with_unstated
 from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import latitude_input
@@ -32,12 +32,11 @@ from .measuring import (
     GYRO_BITS,
     GYROS,
     IMU,
-    SECONDS_PER_HOUR,
     UP_SENSE,
     pose_limits,
 )
 from .outlook import RATE, prior_of
-from .parameters import FULL_TURN_DEG, NineAxisParameters
+from .parameters import NineAxisParameters
 from .placing import TURNTABLE
 
 if TYPE_CHECKING:

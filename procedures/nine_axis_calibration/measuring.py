@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from station.errors import ConditionNotReached, InstrumentError
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate
@@ -17,7 +18,6 @@ from station.roles import Imu, Turntable
 
 from .directions import AXES, PoseLimits, up_of
 from .parameters import (
-    FULL_TURN_DEG,
     MAX_READING_S,
     SHORTEST_READING_S,
     NineAxisParameters,
@@ -48,7 +48,6 @@ LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
 FROZEN_AFTER_S = 2.0
 """Noise never gives three gyros and three accelerometers the same values for so long, all six."""
-SECONDS_PER_HOUR = 3600.0
 MOSTLY = 0.5
 GYRO_BITS = {"gyro X": 0, "gyro Y": 1, "gyro Z": 2}
 ACCELEROMETER_BITS = {"accelerometer X": 4, "accelerometer Y": 5, "accelerometer Z": 6}

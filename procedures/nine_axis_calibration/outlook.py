@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
 from station import registry
 from station.procedure import Problem, RecordUse
 from station.report.numbers import format_duration, format_number
@@ -18,7 +19,7 @@ from .all_axes.outlook import expected_inertial, outlook_of_other_axes
 from .attitude import GyroGain, StaticMeans, solve_biases
 from .dataset import Array, Prior
 from .measuring import IMU
-from .parameters import FULL_TURN_DEG, NineAxisParameters
+from .parameters import NineAxisParameters
 from .parameters import Prior as PriorModel
 from .placing import RATES, TURNTABLE
 from .pose import EAST_AXIS, earth_rate, expected_rates, gravity_pattern
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 TURNED_DOWN = ("parameters", "turned_down_rates")
 RATE = "rate"
-SECONDS_PER_HOUR = 3600.0
 ACCELEROMETER_NOISE_G = 1e-5
 PPM = 1e6
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.constants import FULL_TURN_DEG
 from station.fields import StrictModel, Unit
 from station.findings import FlagThresholds
 
@@ -18,7 +19,6 @@ PUBLISHED_POSITIONS = (1, 2, 3)
 FLIPPED = {1: 4, 2: 5, 3: 6}
 """Each position turned by 180 deg about the vertical: the axis that faced east faces west."""
 FEWEST_RATES = 5
-FULL_TURN_DEG = 360.0
 WHOLE = 1e-6
 DEFAULT_DWELL_S = 360.0
 MAX_WHOLE_S = 3600

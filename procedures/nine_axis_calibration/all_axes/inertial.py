@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.shares import Shares
 from procedures.nine_axis_calibration.attitude import rotation
 from procedures.nine_axis_calibration.pose import earth_rate
@@ -43,7 +44,6 @@ FEWEST = 4
 UPRIGHT = 0.99
 UNKNOWNS_OF_FORCE = 4
 """A gyro's bias, and its sensitivity to the force along each axis."""
-SECONDS_PER_HOUR = 3600.0
 NOISE = "noise"
 TILT, MOUNTING, EDGE = "prior_tilt", "prior_mounting", "prior_edge"
 SECOND_ORDER = "prior_accelerometer_second_order"

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from procedures.common.constants import ARCSEC_PER_RAD, FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.nine_axis_calibration.directions import AXES
-from procedures.nine_axis_calibration.parameters import FULL_TURN_DEG, NineAxisParameters
+from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from procedures.nine_axis_calibration.pose import ATTITUDES, UP
 from station.report.numbers import format_number
 
@@ -19,8 +20,6 @@ from .waves import Response
 
 NOISE_G = 1e-4
 """Of an accelerometer in one second: what sensors of this class have."""
-SECONDS_PER_HOUR = 3600.0
-ARCSEC_PER_RAD = math.degrees(1.0) * 3600.0
 FACES_DOWN = ("-X", "-Y", "-Z")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -171,8 +172,6 @@ def _mounted(prior: AllAxesPrior, turned: Sequence[tuple[str, Turned]]) -> Itera
 
 def _with_own_names(rests: Sequence[Rest]) -> tuple[Rest, ...]:
     """Return stands of which no two have one name."""
-    from dataclasses import replace
-
     names = [rest.name for rest in rests]
     return tuple(
         replace(rest, name=f"{rest.name} ({n})") if names.count(rest.name) > 1 else rest

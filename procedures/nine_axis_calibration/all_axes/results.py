@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procedures.common.constants import ARCSEC_PER_RAD
 from procedures.nine_axis_calibration.dataset import AXES
 from station.findings import Estimate, Flag, InputQuantity, Key, Published, undetermined
 
@@ -39,7 +40,6 @@ from .magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Magnetic, felt_of, sol
 from .stands import FIELD, FORCE, Array, OtherAxes
 
 METHOD = "least-squares"
-ARCSEC_PER_RAD = float(np.degrees(1.0)) * 3600.0
 ACCELEROMETERS, MOUNTING = {"frame": "accelerometers"}, {"frame": "mounting"}
 PAIRS = tuple(a + b for a, b in permutations(AXES, 2))
 EDGES = tuple(AXES[i] + AXES[j] for i, j in CROSS)
