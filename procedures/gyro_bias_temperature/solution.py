@@ -13,7 +13,7 @@ would make the loop larger than it is. So are the orders of the curve and the si
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -21,17 +21,21 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import minimize_scalar
 
 from procedures.estimation.rate_spectrum import FLICKER, coefficients, noise_variances
-from procedures.estimation.reml import RIDGE, Components, Stretch, fit, solve
+from procedures.estimation.reml import RIDGE, SMALLEST, Components, Stretch, fit, solve
 
-from .dataset import Array
+from .dataset import Array, Index
 from .model import INNER_PRIOR_S, Lags, Setting
 
 HIGHEST_ORDER = 9
 FEWER, MORE = 2, 3
 """Orders below and above the likeliest whose solutions are mixed with its own."""
 PER_ORDER = 5.0
-"""What one more order must gain in -2 ln of the likelihood: between 4 and ln of the rows, 7, that
-Monte Carlo compared. Less makes a straight curve too steep, more leaves real terms out of u."""
+"""What one more order must gain in -2 ln of the likelihood to be the middle one of those mixed."""
+HIGHER = 0.3, 0.1
+"""Of the curve's size: standard deviations beforehand of its coefficients beyond the slope, each as
+likely. With a large one alone, small terms were taken for none and were not in u."""
+NONE = 1e-6
+"""Of the curve's size: a coefficient that is none."""
 MIN_SHARE = 1e-3
 FIRST_ORDER = 4
 NARROW, WIDE, WIDEST, USUAL_DEGC = 0.02, 0.15, 0.4, 8.0
@@ -41,8 +45,11 @@ WIDTHS, NEAR, FINER = 12, 7, 1.3
 MAX_ROUNDS, SETTLED = 8, 0.5
 MAX_LAG = 5.0
 """The lag, in standard uncertainties of what is known of it beforehand."""
-NOISE_REACH, NOISES = 3.0, 5
-"""How far beyond the likeliest squares, in standard uncertainties, B and K are tried; how many."""
+NOISE_REACH, NOISES = 6.0, 6
+"""How far beyond the likeliest squares, in standard uncertainties, B and K are tried; how many. A
+square that few waves show has a long tail: up to 3, u was 10 % too small."""
+NOISES_DENSER = 1.5
+"""Power by which those near none are denser."""
 PASSED = 0.2
 """Part of the range that must be passed both ways before there is a loop to be seen."""
 ALONE = 0.02
@@ -238,16 +245,16 @@ def _ordered(
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A solution with one order, half width and noise, `weighed` as -2 ln of how likely it is.
+class Candidates:
+    """Solutions with one half width and noise, a row for each size beforehand of the coefficients.
 
-    `normal` is that of its quantities, the lags at the end; `centre` has the means of its columns.
+    `weighed` (r,) is -2 ln of how likely each is, `sizes` (r, p) those of the columns. `normal` is
+    that of columns and lags, `centre` has the means of both.
     """
 
-    weighed: float
-    order: int
     tried: Tried
     theta: Array
+    weighed: Array
     sizes: Array
     normal: Array
     centre: Array
@@ -261,39 +268,51 @@ def _mixed(
     order: int,
     widths: Sequence[Tried],
 ) -> BiasFit:
-    """Return the solutions of likely orders, half widths and noises, each as likely as it is."""
+    """Return the solutions of likely curves, half widths and noises, each as likely as it is."""
     widths = sorted(widths, key=lambda tried: tried.half_width)
     # Beforehand, each ratio of widths is as likely as the next.
     ratios = np.log([tried.half_width for tried in widths])
     share = np.gradient(ratios) if len(widths) > 1 else np.ones(1)
     orders = range(max(1, order - FEWER), min(HIGHEST_ORDER, order + MORE) + 1)
+    top = orders[-1]
+    scale = float(np.linalg.norm(best.solved[0].sizes[:order]))
+    count = top + 1 + setting.has_loop
+    precisions = _precisions(orders, count, scale)
     candidates = [
         candidate
         for own, tried in zip(share, widths, strict=True)
-        for candidate in _candidates(setting, stretch, best, orders, (tried, float(own)))
+        for candidate in _candidates(setting, stretch, best, order, precisions, (tried, float(own)))
     ]
     weighed = np.array([candidate.weighed for candidate in candidates])
     weight = np.exp(-0.5 * (weighed - weighed.min()))
-    used = np.flatnonzero(weight >= MIN_SHARE * weight.max())
-    shares = weight[used] / weight[used].sum()
-    solutions = [_solution(rate, setting, candidates[n], orders[-1]) for n in used]
-    values = np.array([own for own, _ in solutions])
-    sizes = shares @ values
-    apart = values - sizes
-    covariance = np.einsum("w,wi,wj->ij", shares, apart, apart)
-    covariance += np.einsum("w,wij->ij", shares, np.array([own for _, own in solutions]))
-    names = [f"c{k}" for k in range(orders[-1] + 1)] + ["s"] + ["H"] * setting.has_loop
+    weight[weight < MIN_SHARE] = 0.0
+    weight /= weight.sum()
+    values, covariances, shares = [], [], []
+    for own_weight, candidate in zip(weight, candidates, strict=True):
+        used = np.flatnonzero(own_weight)
+        if len(used):
+            own = _solutions(rate, setting, candidate, precisions[used], used)
+            values.append(own[0])
+            covariances.append(own[1])
+            shares.append(own_weight[used])
+    every, part = np.concatenate(values), np.concatenate(shares)
+    sizes = part @ every
+    apart = every - sizes
+    covariance = np.einsum("w,wi,wj->ij", part, apart, apart)
+    covariance += np.einsum("w,wij->ij", part, np.concatenate(covariances))
+    names = [f"c{k}" for k in range(top + 1)] + ["s"] + ["H"] * setting.has_loop
     names = [*names, "lag", "inner"][: len(sizes)]
-    chosen = candidates[int(np.argmin(weighed))]
-    tried, width = chosen.tried, chosen.order + setting.has_loop
-    columns = setting.columns(chosen.order, tried.lags_s, tried.half_width)
-    constant = float(rate.mean()) - float(chosen.centre[: len(chosen.sizes)] @ chosen.sizes)
-    fitted = constant + columns @ chosen.sizes
-    own = stretch(chosen.order, tried.lags_s, tried.half_width)
-    weighted = own.columns / np.sqrt(own.variance(best.theta))[:, None]
-    seen = {"s": chosen.order} | ({"H": width} if setting.has_loop else {})
+    number, row = np.unravel_index(int(np.argmin(weighed)), weighed.shape)
+    chosen = candidates[int(number)]
+    tried, chosen_sizes = chosen.tried, chosen.sizes[row]
+    columns = setting.columns(top, tried.lags_s, tried.half_width)
+    constant = float(rate.mean()) - float(chosen.centre[:count] @ chosen_sizes)
+    fitted = constant + columns @ chosen_sizes
+    record = stretch(order, tried.lags_s, tried.half_width)
+    weighted = record.columns / np.sqrt(record.variance(best.theta))[:, None]
+    seen = {"s": order} | ({"H": order + 1} if setting.has_loop else {})
     return BiasFit(
-        orders[-1],
+        top,
         tuple(names),
         sizes,
         covariance,
@@ -306,59 +325,69 @@ def _mixed(
     )
 
 
-def _noises(best: Components) -> list[Array]:
-    """Return squares of the noise that data allow: slow noise shows in few waves of a record."""
+def _precisions(orders: Sequence[int], count: int, scale: float) -> Array:
+    """Return what is known beforehand of the columns' sizes (r, p): one over their variances.
+
+    Nothing of slope, rate and loop; coefficients up to an order have one size, others are none.
+    """
+    rows = []
+    for order in orders:
+        for part in HIGHER:
+            sigma = np.full(orders[-1] - 1, NONE * scale)
+            sigma[: order - 1] = part * scale
+            rows.append(np.r_[0.0, 1.0 / np.maximum(sigma, SMALLEST) ** 2])
+    known = np.zeros((len(rows), count))
+    known[:, : orders[-1]] = rows
+    return known
+
+
+def _noises(best: Components) -> list[tuple[Array, float]]:
+    """Return squares of the noise that data allow, and what share of them each stands for."""
     ends = (best.theta + NOISE_REACH * best.u)[1:]
-    slow = product(*(np.linspace(0.0, float(end), NOISES) for end in ends))
-    return [np.array([best.theta[0], *own]) for own in slow]
+    place = np.linspace(0.0, 1.0, NOISES) ** NOISES_DENSER
+    stands_for = np.gradient(place)
+    pairs = product(range(NOISES), repeat=2)
+    return [
+        (np.array([best.theta[0], *(place[[b, k]] * ends)]), float(stands_for[b] * stands_for[k]))
+        for b, k in pairs
+    ]
 
 
 def _candidates(
     setting: Setting,
     stretch: StretchAt,
     best: Components,
-    orders: Sequence[int],
+    order: int,
+    precisions: Array,
     width: tuple[Tried, float],
-) -> list[Candidate]:
+) -> list[Candidates]:
     """Return the solutions with one half width, whose share beforehand stands beside it."""
     tried, share = width
-    top = orders[-1]
+    count = precisions.shape[1]
+    top = count - 1 - setting.has_loop
     own = stretch(top, tried.lags_s, tried.half_width)
     columns = setting.columns(top, tried.lags_s, tried.half_width)
-    count = columns.shape[1]
-    places = {order: np.r_[:order, top:count] for order in orders}
-
-    def solved(theta: Array, whole: Array) -> list[tuple[float, float, Array, Array]]:
+    at = np.r_[:order, top:count]
+    usual = solve(replace(own, columns=own.columns[:, at]), own.variance(best.theta))
+    moves = _moves(setting, tried, top, at, usual.sizes)
+    whole = np.column_stack([own.columns, coefficients(moves)])
+    centre = np.concatenate([columns.mean(axis=0), moves.mean(axis=0)])
+    beforehand = np.log(np.where(precisions > 0.0, precisions, 1.0)).sum(axis=1)
+    beforehand -= float(np.sum((np.array(tried.lags_s) / setting.priors_s) ** 2))
+    candidates = []
+    for theta, stands_for in _noises(best):
         variance = own.variance(theta)
         weighted = whole.T / variance
         normal, right = weighted @ whole, weighted[:count] @ own.data
-        start = float(np.sum(np.log(variance) + own.data**2 / variance))
-        solutions = []
-        for order, at in places.items():
-            inner = normal[np.ix_(at, at)]
-            sizes = np.linalg.solve(inner + RIDGE * np.diag(np.diag(inner)), right[at])
-            deviance = start - float(right[at] @ sizes) + order * PER_ORDER
-            rows = np.r_[at, count : len(normal)]
-            solutions.append((deviance, _log_det(inner), sizes, normal[np.ix_(rows, rows)]))
-        return solutions
-
-    usual = solved(best.theta, own.columns)
-    likeliest = int(np.argmin([deviance for deviance, *_ in usual]))
-    sizes = usual[likeliest][2]
-    at = places[orders[likeliest]]
-    moves = _moves(setting, tried, top, at, sizes)
-    whole = np.column_stack([own.columns, coefficients(moves)])
-    centre = np.concatenate([columns.mean(axis=0), moves.mean(axis=0)])
-    known = float(np.sum((np.array(tried.lags_s) / setting.priors_s) ** 2))
-    candidates = []
-    for theta in _noises(best):
-        for order, before, (deviance, log_det, sizes, normal) in zip(
-            orders, usual, solved(theta, whole), strict=True
-        ):
-            # Restricted: what the columns take of the data says nothing of the noise.
-            weighed = deviance + log_det - before[1] + known - 2.0 * np.log(share)
-            rows = np.r_[places[order], count : len(centre)]
-            candidates.append(Candidate(weighed, order, tried, theta, sizes, normal, centre[rows]))
+        inner = normal[:count, :count] + precisions[:, :, None] * np.eye(count)
+        unit = 1.0 / np.sqrt(np.einsum("rii->ri", inner))
+        scaled = inner * unit[:, :, None] * unit[:, None, :] + RIDGE * np.eye(count)
+        sizes = unit * np.linalg.solve(scaled, (unit * right)[:, :, None])[:, :, 0]
+        deviance = float(np.sum(np.log(variance) + own.data**2 / variance)) - sizes @ right
+        # Restricted: what the columns take of the data says nothing of the noise.
+        log_det = np.linalg.slogdet(scaled)[1] - 2.0 * np.log(unit).sum(axis=1)
+        weighed = deviance + log_det - beforehand - 2.0 * np.log(share * stands_for)
+        candidates.append(Candidates(tried, theta, weighed, sizes, normal, centre))
     return candidates
 
 
@@ -376,34 +405,29 @@ def _moves(setting: Setting, tried: Tried, top: int, at: Array, sizes: Array) ->
     return np.column_stack(moves)
 
 
-def _solution(rate: Array, setting: Setting, candidate: Candidate, top: int) -> tuple[Array, Array]:
-    """Return quantities, named for the highest order, and their covariance."""
-    sizes, centre, theta = candidate.sizes, candidate.centre, candidate.theta
-    normal = candidate.normal.copy()
-    known = np.arange(len(sizes), len(normal))
-    normal[known, known] += 1.0 / setting.priors_s**2
+def _solutions(
+    rate: Array, setting: Setting, candidates: Candidates, precisions: Array, rows: Index
+) -> tuple[Array, Array]:
+    """Return the quantities of some rows (r, q) and their covariances (r, q, q)."""
+    sizes, centre, theta = candidates.sizes[rows], candidates.centre, candidates.theta
+    lags = np.broadcast_to(1.0 / setting.priors_s**2, (len(rows), len(setting.priors_s)))
+    known = np.hstack([precisions, lags])
+    normal = candidates.normal + known[:, :, None] * np.eye(known.shape[1])
     # The constant is what the mean leaves: it moves with every column's mean.
     gain = np.vstack([-centre, np.eye(len(centre))])
     covariance = gain @ _inverse(normal) @ gain.T
     length_s = len(rate) * setting.interval_s
-    covariance[0, 0] += float(theta @ [1.0 / length_s, FLICKER, WALK_MEAN * length_s])
-    constant = float(rate.mean()) - float(centre[: len(sizes)] @ sizes)
-    own = np.r_[constant, sizes, candidate.tried.lags_s]
-    place = np.r_[: candidate.order + 1, top + 1 : top + len(own) - candidate.order]
-    padded, wide = np.zeros(place[-1] + 1), np.zeros((place[-1] + 1,) * 2)
-    padded[place] = own
-    wide[np.ix_(place, place)] = covariance
-    return padded, wide
-
-
-def _log_det(normal: Array) -> float:
-    return float(np.linalg.slogdet(normal)[1])
+    covariance[:, 0, 0] += float(theta @ [1.0 / length_s, FLICKER, WALK_MEAN * length_s])
+    constant = float(rate.mean()) - sizes @ centre[: sizes.shape[1]]
+    lags_s = np.broadcast_to(candidates.tried.lags_s, lags.shape)
+    return np.column_stack([constant, sizes, lags_s]), covariance
 
 
 def _inverse(normal: Array) -> Array:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True)
-    return np.asarray(scaled * np.outer(scale, scale))
+    """Return the inverses of normal matrices (r, p, p)."""
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("rii->ri", normal), SMALLEST))
+    both = scale[:, :, None] * scale[:, None, :]
+    return np.asarray(np.linalg.pinv(normal * both, hermitian=True) * both)
 
 
 def _left(weighted: Array, at: int) -> float:
