@@ -336,13 +336,13 @@ def _misread(stated: Temperatures, interval_s: float) -> tuple[list[Flag], set[s
     suits = [suit for suit in best if suit.squares <= AS_GOOD**2 * best[0].squares]
     if not suits:
         return [], set()
-    text = (
+    follow_text = (
         f"The temperatures follow one another only if {named(suits)}. Nothing is reported from "
         "columns that are not what they are called; correct the table."
     )
-    return [suits[0].reading.flag(text)], {
-        column for suit in suits for column in suit.reading.details["columns"]
-    }
+    likeliest = suits[0].reading
+    flag = contradiction(likeliest.statement, follow_text, **likeliest.details)
+    return [flag], {column for suit in suits for column in suit.reading.details["columns"]}
 
 
 def _readings(stated: Temperatures, interval_s: float) -> Sequence[Sequence[Reading[Temperatures]]]:
@@ -463,12 +463,13 @@ def rows_flags(axis: str, rate: Array, setting: Setting, solution: BiasFit) -> l
     suits = suiting(setting, [late], remainder, stated=stated, better=better)
     if not suits:
         return []
-    text = (
+    late_text = (
         f"The output of {axis} fits the temperatures far better where it is taken for "
         f"{suits[0].reading.what}: it is not in its rows. Nothing is reported from it; put the "
         "columns into their rows."
     )
-    return [suits[0].reading.flag(text, axis)]
+    likeliest = suits[0].reading
+    return [contradiction(likeliest.statement, late_text, axis, **likeliest.details)]
 
 
 def result_flags(
