@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from procedures.estimation.alternatives import Alternative
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
+    CHARGE,
     choose_by_information,
     independent_of,
     solve_by_qr,
@@ -54,6 +55,9 @@ KI_DRIFT = "Ki drift"
 USUAL = {K0_T: 30e-6, KI_T: 100e-6}
 """Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
 50 µg and 80 to 150 ppm."""
+AKAIKE = 2.0
+USUAL_DRIFT_PER_H = 250e-6
+"""In parts of Ki, 250 µg/h: an accelerometer that has not warmed up yet."""
 UNITS = {
     KI_DRIFT: "V/g",
     OFFSET: "arcsec",
@@ -101,24 +105,34 @@ def separable(fixed: Array, terms: Terms, kept: Mask) -> dict[str, Array]:
     return {name: terms[name] for n, name in enumerate(terms) if n in taken}
 
 
+def candidates(fixed: Array, terms: Terms, kept: Mask) -> list[list[str]]:
+    """Return the names of the slow terms of each model that may be.
+
+    Every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; only with both
+    where the temperature changed by more than `WARMED_K`. `fixed` (rows, k) are the columns that
+    are always there; only `kept` rows count.
+    """
+    warm = [name for name in terms if not name.startswith(DRIFT)]
+    drift = [name for name in terms if name.startswith(DRIFT)]
+    left = int(kept.sum()) - fixed.shape[1] - len(warm)
+    sure = left >= FEWEST_LEFT and has_warmed(terms, kept)
+    heads = [warm] if sure or not warm else [[], warm[:1], warm]
+    return [[*head, *drift[:order]] for head in heads for order in range(len(drift) + 1)]
+
+
 def chosen(
     fixed: Array, data: Array, terms: Terms, kept: Mask, root_weight: Array
 ) -> dict[str, Array]:
     """Return the slow terms that the data ask for, by the Bayesian information criterion.
 
-    Tried is every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; only
-    with both where the temperature changed by more than `WARMED_K`. Where there is drift, one
-    order more is taken than it asks for: what a criterion leaves out is small against the noise of
-    all rows, but not against that of a coefficient which one plane, and so a part of the time,
-    decides. `fixed` (rows, k) are the columns that are always there; only `kept` rows count.
+    Where there is drift, one order more is taken than it asks for: what a criterion leaves out is
+    small against the noise of all rows, but not against that of a coefficient which one plane, and
+    so a part of the time, decides. With these terms wild rows and causes are looked for; what the
+    coefficients are is an average of all `candidates`.
     """
-    warm = [name for name in terms if not name.startswith(DRIFT)]
-    drift = [name for name in terms if name.startswith(DRIFT)]
-    count, width = int(kept.sum()), fixed.shape[1]
-    sure = count - width - len(warm) >= FEWEST_LEFT and has_warmed(terms, kept)
-    heads = [warm] if sure or not warm else [[], warm[:1], warm]
-    models = [[*head, *drift[:order]] for head in heads for order in range(len(drift) + 1)]
+    models = candidates(fixed, terms, kept)
     # What any of these leaves of the data is in the triangle of all columns and the data.
+    count, width = int(kept.sum()), fixed.shape[1]
     whole = np.column_stack((fixed, stacked(terms, len(kept)), data))[kept]
     triangle = thin_qr(whole * root_weight[kept, None])[1]
     scaled = triangle[:, :-1] / np.linalg.norm(triangle[:, :-1], axis=0)
@@ -128,8 +142,26 @@ def chosen(
         taken = np.linalg.lstsq(scaled[:, places], triangle[:, -1], rcond=None)[0]
         squares.append(float(np.sum((triangle[:, -1] - scaled[:, places] @ taken) ** 2)))
     best = models[choose_by_information(squares, [width + len(m) for m in models], count)]
+    drift = [name for name in terms if name.startswith(DRIFT)]
     order = sum(name in drift for name in best)
     return {name: terms[name] for name in (*best, *drift[order : order + bool(order)])}
+
+
+def likelihoods(
+    squares: Sequence[float], models: Sequence[Sequence[str]], count: int, free: int
+) -> Array:
+    """Return how likely each of the `candidates` is by the squares it left of `count` rows.
+
+    `free` are the degrees of freedom that the largest leaves. A linear drift costs what Akaike's
+    criterion asks: most coefficients of a plan in the published order resemble one. Other terms
+    cost what they cost where one is chosen.
+    """
+    linear = np.array([f"{DRIFT}1" in model for model in models])
+    others = np.array([len(model) for model in models]) - linear
+    charge = CHARGE * np.log(count) * count / max(free, 1)
+    criterion = max(free, 1) * np.log(squares) + AKAIKE * linear + charge * others
+    share = np.exp(-0.5 * (criterion - criterion.min()))
+    return np.asarray(share / share.sum())
 
 
 def has_warmed(terms: Terms, kept: Mask) -> bool:
@@ -231,13 +263,20 @@ class TurnedModel:
             angles = angles | {name: angles.get(name, 0.0) + steps[name] for name in steps}
         return angles
 
-    def unfitted_warmth(self, usable: Terms, taken: Terms, kept: Mask) -> Array:
-        """Return the columns (kept rows, m), in V, of a warming that too few rows could fit.
+    def unfitted(self, slow: Terms, usable: Terms, taken: Sequence[str], kept: Mask) -> Array:
+        """Return the columns (kept rows, m), in V, of what moves the output and no row tells.
 
-        Each is one standard deviation of what warms an accelerometer of the usual class.
+        Each is one standard deviation of what an accelerometer of the usual class does: of a
+        warming that too few rows could fit beside the terms `taken`; of a drift that cannot be
+        distinguished from the coefficients at all.
         """
-        if not has_warmed(usable, kept) or set(taken) & set(USUAL):
-            return np.zeros((int(kept.sum()), 0))
         ki = abs(float(self.coefficients[COEFFICIENTS.index("Ki")])) if self._telling else 1.0
-        usual = {name: usable[name] * size * ki for name, size in USUAL.items() if name in usable}
-        return stacked(usual, len(kept))[kept]
+        sizes: dict[str, float] = {}
+        if has_warmed(usable, kept) and not set(taken) & set(USUAL):
+            sizes = {name: size for name, size in USUAL.items() if name in usable}
+        linear = f"{DRIFT}1"
+        if linear in slow and linear not in usable:
+            sizes[linear] = 0.5 * USUAL_DRIFT_PER_H * float(np.ptp(self.rows.time_s)) / 3600.0
+        return stacked({name: slow[name] * ki * size for name, size in sizes.items()}, len(kept))[
+            kept
+        ]

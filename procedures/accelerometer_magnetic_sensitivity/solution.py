@@ -11,7 +11,13 @@ from scipy.special import ndtr, stdtrit
 
 from procedures.estimation.alternatives import Alternative
 from procedures.estimation.linear import combine
-from procedures.estimation.orthogonal import choose_by_information, keep_inliers, solve_by_qr
+from procedures.estimation.orthogonal import (
+    choose_by_information,
+    keep_inliers,
+    solve_by_qr,
+    solve_square,
+    thin_qr,
+)
 
 from .causes import causes_to_try, known_causes, with_doubt
 from .dataset import Rows
@@ -19,11 +25,14 @@ from .model import model_columns
 from .nuisances import (
     ANGLES,
     ARCSEC_PER_RAD,
+    DRIFT,
     ENCODER_JUMP,
     JUMP,
     ROUNDS,
     TurnedModel,
+    candidates,
     chosen,
+    likelihoods,
     separable,
     slow_terms,
     stacked,
@@ -62,14 +71,14 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
 def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:
     """Return the best of the solutions with no, or one, cause beside the model."""
     first = _solve(rows, kept_names, settings)
-    known = known_causes(rows, first.acceleration_g, first.model_coefficients)
+    known = known_causes(rows, first.acceleration_g, first.model.coefficients)
     causes = causes_to_try(first, rows, known)
     others = (_solve(rows, kept_names, settings, cause) for cause in causes)
     tried = [first, *(other for other in others if abs(other.solution.jump_rad) < MAX_JUMP_RAD)]
     squares = [best.solution.sum_of_squares for best in tried]
     prices = [best.solution.price for best in tried]
     best = tried[choose_by_information(squares, prices, len(rows.time_s))]
-    return with_doubt(best, rows, known)
+    return with_doubt(averaged(best, rows), rows, known)
 
 
 def _solve(
@@ -93,8 +102,11 @@ def _solve(
     angles = model.without_large_angles(angles, inside)
     fixed_names, fixed = model.fixed(model.correction_rad(angles))
     room = max(0, (len(data) - fixed.shape[1]) // 6)
-    slow = slow_terms(rows, min(settings.max_drift_order, room))
-    usable = separable(fixed, slow, whole)
+    order = min(settings.max_drift_order, room)
+    # A drift that too few rows could fit is in the uncertainty.
+    slow = slow_terms(rows, max(order, min(settings.max_drift_order, 1)))
+    fitted = {name: slow[name] for name in slow if order or not name.startswith(DRIFT)}
+    usable = separable(fixed, fitted, whole)
     design = np.column_stack((fixed, stacked(usable, len(data))))
     inside = keep_inliers(design, data, far(design, settings.outlier), rows.root_weight)
     usable = separable(fixed, usable, inside)
@@ -118,18 +130,13 @@ def _solve(
     names = (*fixed_names, *terms)
     freedom = int(kept.sum()) - design.shape[1]
     variance = fit.sum_of_squares / freedom if freedom > 0 else float("nan")
-    warmth = model.unfitted_warmth(usable, terms, kept) * weight[kept, None] ** 2
-    moved = fit.inverse_normal @ design[kept].T @ warmth
     values = [angles.get(name, b) for name, b in zip(names, fit.coefficients, strict=True)]
     factor = np.where(np.isin(names, ANGLES), ARCSEC_PER_RAD, 1.0)
     turned_g = rows.accelerations(model.correction_rad(angles))
-    whole_model = model_columns(turned_g, rows.field_T)[kept]
-    scale = np.linalg.norm(design[kept], axis=0)
-    shares = np.linalg.lstsq(design[kept] / scale, whole_model, rcond=None)[0] / scale[:, None]
     solution = Solution(
         names=names,
         coefficients=np.array(values) * factor,
-        covariance=(variance * fit.inverse_normal + moved @ moved.T) * np.outer(factor, factor),
+        covariance=variance * fit.inverse_normal * np.outer(factor, factor),
         kept=kept,
         residual_V=data - combine(design, fit.coefficients),
         degrees_of_freedom=freedom,
@@ -139,9 +146,69 @@ def _solve(
         folded=model.folded,
         cause=cause,
         jump_rad=angles.get(JUMP, 0.0),
-        shares=shares,
+        shares=np.zeros((0, 0)),
+        drift_order=sum(name.startswith(DRIFT) for name in terms),
+        sum_of_squares=fit.sum_of_squares,
     )
-    return Solved(solution, design, model.slope, columns, turned_g, model.coefficients)
+    return Solved(solution, design, model.slope, columns, turned_g, model, slow, usable, weight)
+
+
+def averaged(solved: Solved, rows: Rows) -> Solved:
+    """Return the average of the solutions with each of the candidates of temperature and drift.
+
+    Each weighs by exp(-IC/2), and the covariance holds how far they lie apart: a drift too small to
+    be chosen may be large against the noise of a coefficient that resembles it. Of the terms those
+    are named that more likely are there than not. The average is that of Burnham and Anderson,
+    Model Selection and Multimodel Inference, 2002, section 4.3.
+    """
+    first, usable, kept = solved.solution, solved.usable, solved.solution.kept
+    count, still = int(kept.sum()), solved.design.shape[1] - solved.slow.shape[1]
+    design = np.column_stack((solved.design[:, :still], stacked(usable, len(kept))))
+    names, models = (*first.names[:still], *usable), candidates(design[:, :still], usable, kept)
+    places = [[n for n, name in enumerate(names) if n < still or name in m] for m in models]
+    # What any of them is, and leaves, is in the triangle of all columns.
+    root, scale = solved.root_weight[kept, None], np.linalg.norm(design[kept], axis=0)
+    q, triangle = thin_qr(design[kept] / scale * root)
+    model = model_columns(solved.acceleration_g, rows.field_T)
+    known = np.column_stack((rows.output_V, model))[kept] * root
+    right = cross(q, known)
+    beyond = float(np.sum((known[:, 0] - combine(q, right[:, 0])) ** 2))
+    each, covariances, squares = [], [], []
+    for terms, taken in zip(models, places, strict=True):
+        rotated, own = thin_qr(triangle[:, taken])
+        back = np.zeros((len(names), len(names)))
+        back[taken] = solve_square(own, rotated.T)
+        left = right[:, 0] - combine(triangle, combine(back, right[:, 0]))
+        squares.append(max(float(left @ left) + beyond, np.finfo(np.float64).tiny))
+        unfitted = solved.model.unfitted(solved.terms, usable, terms, kept) * root
+        moved = back @ cross(q, unfitted)
+        variance = squares[-1] / max(count - len(taken), 1)
+        each.append(back @ right)
+        covariances.append(variance * back @ back.T + moved @ moved.T)
+    share = likelihoods(squares, models, count, count - max(map(len, places)))
+    mean = np.einsum("n,nij->ij", share, each)
+    apart = np.array(each)[:, :, 0] - mean[:, 0]
+    covariance = np.einsum("n,nij->ij", share, covariances)
+    covariance += np.einsum("n,ni,nj->ij", share, apart, apart)
+    factor = np.where(np.isin(names, ANGLES), ARCSEC_PER_RAD, 1.0) / scale
+    # An angle is what the design was turned by, and what is left of it.
+    turned = np.where(np.isin(names[:still], ANGLES), first.coefficients[:still], 0.0)
+    likely = [n for n in range(len(names)) if share @ [n in taken for taken in places] > 0.5]
+    solution = replace(
+        first,
+        names=tuple(names[n] for n in likely),
+        coefficients=(mean[:, 0] * factor + np.append(turned, np.zeros(len(usable))))[likely],
+        covariance=(covariance * np.outer(factor, factor))[np.ix_(likely, likely)],
+        residual_V=rows.output_V - combine(design, mean[:, 0] / scale),
+        shares=(mean[:, 1:] / scale[:, None])[likely],
+    )
+    design = design[:, likely]
+    return replace(solved, solution=solution, design=design, slow=design[:, still:])
+
+
+def cross(columns: Array, data: Array) -> Array:
+    """Return X'Y for columns X (n, k) and data Y (n, m), by one core."""
+    return np.asarray(np.einsum("ij,im->jm", columns, data))
 
 
 def _jump_rad(model: TurnedModel) -> float:

@@ -13,7 +13,7 @@ from procedures.estimation.alternatives import FEWEST_LEFT, Alternative
 from procedures.estimation.orthogonal import MAD_TO_SIGMA
 
 from .dataset import AccelerometerDataset, Rows
-from .nuisances import DRIFT, ENCODER_JUMP, JUMP
+from .nuisances import ENCODER_JUMP, JUMP, Terms, TurnedModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -56,7 +56,8 @@ class Solution:
     what is added to the encoder where it is off. `kept` (rows,) are the rows that count;
     `covariance` holds the scale of the noise. `shares` (names, 13) are what the solution takes of
     each column of the model, `folded` what the coefficients (k,) take of each alignment term that
-    is not fitted.
+    is not fitted. `drift_order` is that of the polynomial in time that the rows ask for, 0 where
+    they ask for none, and `sum_of_squares` the weighted squares that it left, in V².
     """
 
     names: tuple[str, ...]
@@ -72,6 +73,8 @@ class Solution:
     cause: Alternative | None
     jump_rad: float
     shares: Array
+    drift_order: int
+    sum_of_squares: float
     misfit: Misfit | None = None
     uneven: Uneven | None = None
 
@@ -79,16 +82,6 @@ class Solution:
     def values(self) -> dict[str, float]:
         """The coefficients and terms by their names."""
         return dict(zip(self.names, self.coefficients.tolist(), strict=True))
-
-    @property
-    def sum_of_squares(self) -> float:
-        """The weighted squares that the solution left, in V²."""
-        return self.degrees_of_freedom * self.noise_V**2
-
-    @property
-    def drift_order(self) -> int:
-        """The order of the polynomial in time, 0 where there is none."""
-        return sum(name.startswith(DRIFT) for name in self.names)
 
     @property
     def price(self) -> int:
@@ -112,7 +105,8 @@ class Solved:
     """A solution, its design (rows, k) and the output's derivative by the angle.
 
     `slow` are the last columns of the design: temperature and drift. `acceleration_g` (rows, 3) is
-    at the solved angle, `model_coefficients` (13,) are zero where they are folded.
+    at the solved angle, `model` holds the columns at it. `terms` are all slow terms, `usable` those
+    that the rows tell from the others; `root_weight` (rows,) is one over the noise.
     """
 
     solution: Solution
@@ -120,7 +114,10 @@ class Solved:
     slope: Array
     slow: Array
     acceleration_g: Array
-    model_coefficients: Array
+    model: TurnedModel
+    terms: Terms
+    usable: Terms
+    root_weight: Array
 
 
 def groups_of(dataset: AccelerometerDataset, usable: Mask) -> Mapping[str, NDArray[np.str_]]:

@@ -45,7 +45,10 @@ def test_noise_is_answered_by_uncertainties_that_are_the_bound() -> None:
     bound = expected_uncertainty(*points(("io", "ip"), 9, (-0.05, 0.0, 0.05)), 3e-6)
     for name, u in bound.standard_uncertainty.items():
         assert u is not None
-        assert estimate(analysis, name).standard_uncertainty == pytest.approx(u, rel=0.3)
+        stated = estimate(analysis, name).standard_uncertainty
+        # A linear drift that may be there adds to what resembles it.
+        assert stated is not None
+        assert 0.7 < stated / u < 1.8
     assert max(off_in_u(analysis).values()) < 3.5
     assert codes(analysis) == {"not-identifiable"}
     assert analysis.noise_V == pytest.approx(3e-6, rel=0.25)

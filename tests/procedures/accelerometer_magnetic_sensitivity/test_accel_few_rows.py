@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from accelerometer_records import SIX_FIELDS_T, TRUTH, off_in_u, points, record
+import pytest
+from accelerometer_records import INTERVAL_S, SIX_FIELDS_T, TRUTH, off_in_u, points, record
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
@@ -48,6 +49,28 @@ def test_few_rows_are_told_with_the_uncertainty_they_have_or_not_at_all() -> Non
                     off += [one / limit for one in off_in_u(analysis, true).values()]
     assert np.mean(np.array(off) < 1.0) > 0.88
     assert max(off) < 3.0
+
+
+@pytest.mark.parametrize("fields_T", [SIX_FIELDS_T, (0.0, 0.05), (-0.05, 0.0, 0.05)])
+@pytest.mark.parametrize("planes", [("io", "ip"), ("io",)])
+def test_a_drift_is_in_the_uncertainties_of_few_positions(
+    planes: tuple[str, ...], fields_T: tuple[float, ...]
+) -> None:
+    """In one plane of five positions, once each, no row tells a linear drift from the rest."""
+    hours = INTERVAL_S * np.arange(len(points(planes, 5, fields_T)[0])) / 3600.0
+    squares, inside = [], []
+    for drift_V_per_h in (0.0, 20e-6, 60e-6, 200e-6, 600e-6 if len(planes) > 1 else 300e-6):
+        for seed in range(5000, 5012):
+            analysis = analyse(record(seed, planes, 5, fields_T, drift_V=drift_V_per_h * hours))
+            truth = {**TRUTH, "K0": TRUTH["K0"] + drift_V_per_h * float(hours.mean())}
+            off = list(off_in_u(analysis, truth).values())
+            freedom = analysis.estimates[0].degrees_of_freedom
+            limit = stdtrit(freedom, 0.975) if freedom else 1.0
+            squares += [(one / limit * 1.96) ** 2 for one in off]
+            inside += [one < limit for one in off]
+    if squares or len(planes) > 1 or len(fields_T) > 2:
+        assert float(np.sqrt(np.mean(squares))) < 1.2
+        assert np.mean(inside) > 0.9
 
 
 def some_rows(dataset: AccelerometerDataset, rows: NDArray[np.int64]) -> AccelerometerDataset:

@@ -46,7 +46,10 @@ def test_the_expected_uncertainty_holds_the_mounting_as_the_result_does(
     u = u_of(analysed(made(kind, 2)))
     assert set(expected.mounted) == held
     for name, foreseen in expected.standard_uncertainty.items():
-        assert foreseen == pytest.approx(u[name], rel=0.02 if name in held else 0.15), name
+        # A linear drift that may be there adds to what resembles it.
+        most = 1.02 if name in held else 1.5
+        assert foreseen is not None
+        assert 0.85 < u[name] / foreseen < most, name
 
 
 def test_a_plan_whose_rows_tell_the_mounting_expects_nothing_of_it() -> None:
