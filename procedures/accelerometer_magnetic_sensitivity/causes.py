@@ -110,6 +110,8 @@ LIKE_HYSTERESIS = Flag(
 BY_WAY = "the output differs by where the field came from"
 SCALE_BY_WAY = "the scale factor differs by where the field came from"
 LAST_FIELD = "the output still holds a part of the field of the row before"
+STEPPED = {"V": "K0", "V/g": "Ki", "V/T": "Km"}
+"""By the unit of a step the coefficient that steps."""
 STEP_KEYS = {"V": "step_V", "V/g": "step_V_per_g", "V/T": "step_V_per_T"}
 
 
@@ -205,11 +207,42 @@ def causes_to_try(solved: Solved, rows: Rows, known: list[Alternative]) -> list[
     return list(causes.values())
 
 
+def placed_step(solved: Solved, rows: Rows, outlier: float) -> Alternative | None:
+    """Return the step of a solution where the rows that it leaves out count, too, None elsewhere.
+
+    Wild rows beside a step bend the search, and the rows between where it is and where it was
+    looked for are left out for it. It belongs where the squares of all rows are smallest, none
+    taken for more than that of one `outlier`, in standard deviations.
+    """
+    solution, cause = solved.solution, solved.solution.cause
+    if cause is None or cause.code != STEPS.code or cause.row is None:
+        return None
+    count = len(rows.time_s)
+    later = (np.arange(count) >= cause.row).astype(np.float64)
+    shape = cause.columns[:, 0] / (later - later.mean())
+    step_V = solution.values[cause.names[0]] * shape
+    most = (outlier * solution.noise_V) ** 2
+    # What a row leaves where the step comes before it, and where it comes after it.
+    residual_V = solution.residual_V
+    after = np.minimum((residual_V - step_V * (1.0 - later)) ** 2, most)
+    before = np.minimum((residual_V + step_V * later) ** 2, most)
+    left = np.cumsum(before - after) + float(after.sum())
+    row = 1 + int(np.argmin(left[:-1]))
+    moved = (np.arange(count) >= row).astype(np.float64)
+    columns = (shape * (moved - moved.mean()))[:, None]
+    return None if row == cause.row else replace(cause, columns=columns, row=row)
+
+
 def with_doubt(solved: Solved, rows: Rows, known: list[Alternative]) -> Solved:
-    """Return a solution whose uncertainties hold a cause that noise may just imitate."""
+    """Return a solution whose uncertainties hold a cause that noise may just imitate.
+
+    Of a step they hold where among wild rows it is.
+    """
     kept, solution = solved.solution.kept, solved.solution
     if solution.cause is not None:
-        return solved
+        moved = _by_place(solution, solution.cause)
+        covariance = solution.covariance + np.outer(moved, moved)
+        return replace(solved, solution=replace(solution, covariance=covariance))
     units = np.where(np.array(solution.names) == OFFSET, ARCSEC_PER_RAD, 1.0)
     rated = _scores(solved.design, solved, rows, known, kept)
     rated = [score for score in rated if score.alternative.code != ENCODER_JUMP]
@@ -217,6 +250,24 @@ def with_doubt(solved: Solved, rows: Rows, known: list[Alternative]) -> Solved:
     moved = doubt(solved.design, rows.output_V, kept, rated, u) * units
     covariance = solution.covariance + np.outer(moved, moved)
     return replace(solved, solution=replace(solution, covariance=covariance))
+
+
+def _by_place(solution: Solution, cause: Alternative) -> Array:
+    """Return what coefficients change by where a step is among wild rows, which do not say that.
+
+    The mean over all rows holds it.
+    """
+    moved = np.zeros(len(solution.names))
+    name = STEPPED.get(cause.unit)
+    if cause.code == STEPS.code and cause.row is not None and name in solution.names:
+        first = last = cause.row
+        while first > 0 and not solution.kept[first - 1]:
+            first -= 1
+        while last < len(solution.kept) and not solution.kept[last]:
+            last += 1
+        rows = (last - first) / len(solution.kept)
+        moved[solution.names.index(name)] = solution.values[cause.names[0]] * rows
+    return moved
 
 
 def _scores(

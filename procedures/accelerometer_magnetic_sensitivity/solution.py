@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from procedures.estimation.orthogonal import (
     thin_qr,
 )
 
-from .causes import causes_to_try, known_causes, with_doubt
+from .causes import causes_to_try, known_causes, placed_step, with_doubt
 from .dataset import Rows
 from .model import model_columns
 from .nuisances import (
@@ -45,6 +46,8 @@ Mask = NDArray[np.bool_]
 
 SETTLED_RAD = 1e-10
 ENOUGH_LEFT = 12
+MAX_MOVES = 3
+"""Of a step, each time to where it fits all rows best."""
 MAX_JUMP_RAD = np.pi
 """An angle is known but for whole turns; what is further off than half of one is no jump."""
 FAR_RAD, FINE_RAD = 0.2, 1e-6
@@ -75,10 +78,23 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
     causes = causes_to_try(first, rows, known)
     others = (_solve(rows, kept_names, settings, cause) for cause in causes)
     tried = [first, *(other for other in others if abs(other.solution.jump_rad) < MAX_JUMP_RAD)]
-    squares = [best.solution.sum_of_squares for best in tried]
-    prices = [best.solution.price for best in tried]
-    best = tried[choose_by_information(squares, prices, len(rows.time_s))]
+    # A step is put in its place before it is compared: in a wrong one a drift looks likelier.
+    for solved in tried[1:]:
+        for _ in range(MAX_MOVES):
+            step = placed_step(solved, rows, settings.outlier)
+            if step is None:
+                break
+            solved = _solve(rows, kept_names, settings, step)
+            tried.append(solved)
+    best = _likeliest(tried, rows)
     return with_doubt(averaged(best, rows), rows, known)
+
+
+def _likeliest(tried: Sequence[Solved], rows: Rows) -> Solved:
+    """Return the solution with the best information criterion."""
+    squares = [solved.solution.sum_of_squares for solved in tried]
+    prices = [solved.solution.price for solved in tried]
+    return tried[choose_by_information(squares, prices, len(rows.time_s))]
 
 
 def _solve(

@@ -100,3 +100,16 @@ def test_a_step_of_the_output_leaves_the_offset_of_the_mean_over_all_rows() -> N
     assert "output-step" in {flag.code for flag in analysis.flags}
     truth = {**TRUTH, "K0": TRUTH["K0"] + 1e-3 * float(later.mean())}
     assert max(off_in_u(analysis, truth).values()) < 5.0
+
+
+@pytest.mark.parametrize("beside", [-2, 1, 3])
+def test_a_step_with_a_wild_row_beside_it_is_found_in_its_row(beside: int) -> None:
+    for seed, step_V in ((5, 1e-3), (6, 1e-2)):
+        clean = record(seed, ("io", "ip"), 24, SIX_FIELDS_T)
+        later = np.arange(len(clean)) >= 100
+        wild = 5e-2 * (np.arange(len(clean)) == 100 + beside)
+        analysis = analyse(replace(clean, output_V=clean.output_V + step_V * later + wild))
+        step = next(flag for flag in analysis.flags if flag.code == "output-step")
+        assert step.details["row"] == 100
+        truth = {**TRUTH, "K0": TRUTH["K0"] + step_V * float(later.mean())}
+        assert max(off_in_u(analysis, truth).values()) < 4.0
