@@ -372,8 +372,8 @@ def _reading(
     what: str, names: Sequence[str], columns: Mapping[str, str], apply: Callable[..., Temperatures]
 ) -> Reading[Temperatures]:
     own = [columns[name] for name in names]
-    stand = " and ".join(own) + (" stand" if len(own) > 1 else " stands")
-    return Reading(what.format(stand), apply, own[-1], {"columns": own})
+    subject = " and ".join(own) + (" stand" if len(own) > 1 else " stands")
+    return Reading(what.format(subject), apply, own[-1], {"columns": own})
 
 
 def _in_unit(names: Sequence[str], degrees: float, zero: float, read: Temperatures) -> Temperatures:
