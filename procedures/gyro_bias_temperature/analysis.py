@@ -62,7 +62,8 @@ def analyse(
     lag = None
     refused = bool(thermometers.refusals)
     if thermometers.gyro is not None and thermometers.chamber_good and not refused:
-        lag = chamber_lag(temperature, thermometers.chamber, interval_s)
+        gap_s = float(np.max(np.diff(dataset.time_s), initial=0.0))
+        lag = chamber_lag(temperature, thermometers.chamber, interval_s, gap_s=gap_s)
     soaks = soaks_of(dataset, temperature[index])
     estimates: list[Estimate] = []
     published: list[Published] = []

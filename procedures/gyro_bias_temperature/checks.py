@@ -67,11 +67,13 @@ AS_GOOD = 2.0
 """Times the rms of the best reading: another one leaves more, and is none."""
 SLOW_S = 1800.0
 """Temperatures nearer in time are no second proof."""
-ROWS_LATE = (-60, -45, -30, -15, 15, 30, 45, 60)
+ROWS_LATE = (-60, -45, -30, -20, -15, -10, -5, 5, 10, 15, 20, 30, 45, 60)
+LONGEST_GAP = 0.5
+"""Of the lag."""
 LAG_SHARES = 0.1, 0.5
 """Parts of the lag that are tried with rows read otherwise, which may be of it."""
-SHIFT_SEEN = 30.0
-"""In -2 ln of the likelihood: no lag of a sound record falls behind a delay by so much."""
+SHIFT_SEEN = 20.0
+"""In -2 ln of the likelihood: no lag of a sound record falls behind a delay by a fifth of it."""
 STEPPED_SET_POINT_DEGC, SETTLING_ROWS = 3.0, 20
 """From row to row: the air jumps with a set-point that does."""
 THEN = "Their temperature is filled in by that of {}."
@@ -95,12 +97,13 @@ MOVED_DEGC = 10.0
 
 
 def chamber_lag(
-    gyro: Array, chamber: Array, interval_s: float, good: Mask | None = None
+    gyro: Array, chamber: Array, interval_s: float, good: Mask | None = None, gap_s: float = 0.0
 ) -> Measured | None:
     """Return the first-order lag in s of a gyro's thermometer (n,) behind a chamber's, degC.
 
     The two may differ by a constant, and begin apart. Rows that are not `good` do not count. None
-    where the chamber hardly moved.
+    where the chamber hardly moved, or where the longest gap, `gap_s`, is no small part of the lag:
+    the way of the air in it is not known.
     """
     rows = np.ones(len(gyro), dtype=bool) if good is None else good
     if float(np.ptp(chamber)) < MIN_RANGE:
@@ -127,6 +130,8 @@ def chamber_lag(
         lambda tried: float(np.sum(left(tried) ** 2)), bounds=(grid[at - 1], grid[at + 1])
     )
     lag_s = float(np.exp(best.x))
+    if gap_s > LONGEST_GAP * lag_s:
+        return None
     residual = left(best.x)
     derivative = (left(best.x + 1e-3) - left(best.x - 1e-3)) / (2e-3 * lag_s)
     own = columns(lag_s)[:, 1:]
@@ -458,9 +463,12 @@ def rows_flags(axis: str, rate: Array, setting: Setting, solution: BiasFit) -> l
         )
         for rows in ROWS_LATE
     ]
+    # Neighbours suit nearly as well: the best of them stands for all.
+    tried = [(reading, own) for reading in late if (own := reading.apply(setting)) is not None]
+    nearest, _ = min(tried, key=lambda pair: remainder(pair[1]).squares)
     stated = remainder(setting)
     better = float(np.sqrt(max(1.0 - SHIFT_SEEN / max(stated.squares, 1.0), 0.0)))
-    suits = suiting(setting, [late], remainder, stated=stated, better=better)
+    suits = suiting(setting, [[nearest]], remainder, stated=stated, better=better)
     if not suits:
         return []
     late_text = (

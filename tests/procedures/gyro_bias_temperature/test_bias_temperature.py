@@ -135,6 +135,34 @@ def test_a_noisy_thermometer_does_not_take_the_rate_sensitivity_away() -> None:
     assert abs(s.value - 0.4) < 4.0 * s.standard_uncertainty
 
 
+@pytest.mark.parametrize("rows", [5, 10, -20])
+def test_an_output_in_other_rows_is_named_by_its_rows(rows: int) -> None:
+    dataset = record(Gyro(soak_h=1.0), 201)
+    rate = np.roll(dataset.rate_deg_per_h, rows, axis=0)
+    found = analyse(replace(dataset, rate_deg_per_h=rate))
+    (named,) = (flag for flag in found.flags if "rows" in flag.details)
+    assert (named.code, named.details["rows"]) == ("contradicts-statement", rows)
+    assert estimates(found)["bias_rate_sensitivity"].value is None
+
+
+def test_the_lag_behind_the_chamber_is_null_where_the_rows_have_a_long_gap() -> None:
+    dataset = record(Gyro(soak_h=1.0), 201)
+    assert estimates(analyse(dataset))["chamber_lag"].value is not None
+    assert dataset.gyro_degC is not None
+    kept = np.ones(len(dataset.time_s), dtype=bool)
+    kept[100:130] = False
+    fewer = replace(
+        dataset,
+        time_s=dataset.time_s[kept],
+        soaking=dataset.soaking[kept],
+        rate_deg_per_h=dataset.rate_deg_per_h[kept],
+        gyro_degC=dataset.gyro_degC[kept],
+        chamber_degC=dataset.chamber_degC[kept],
+        set_point_degC=dataset.set_point_degC[kept],
+    )
+    assert estimates(analyse(fewer))["chamber_lag"].value is None
+
+
 def test_a_lag_is_no_half_interval_late_and_a_loop_has_two_sides() -> None:
     ramp = np.arange(2000.0)
     behind = ramp - lagged(ramp, 300.0, 60.0)
