@@ -25,6 +25,7 @@ from procedures.estimation.alternatives import (
     worth_trying,
 )
 from procedures.estimation.linear import combine
+from procedures.estimation.orthogonal import project, thin_qr
 from station.findings import Flag
 
 from .dataset import AccelerometerDataset, Rows
@@ -44,6 +45,7 @@ OFTEN = 1.5
 TILTED = 2e-3
 """Of Ki: so much of a misalignment that its square, 2 µV at 1 V/g, tells it from a jump between two
 planes."""
+LEFT_OF_STEP = 0.1
 FEWEST_OFF = 2
 """One row that is off is left out as a wild one."""
 OWN_PART = 1e-3
@@ -207,18 +209,41 @@ def causes_to_try(solved: Solved, rows: Rows, known: list[Alternative]) -> list[
     return list(causes.values())
 
 
+def rests_on_one(solved: Solved) -> bool:
+    """Return whether one row alone tells a step from the other terms: a wild one would be it.
+
+    Without that row less than `LEFT_OF_STEP` of the square of the step's column is its own.
+    """
+    solution, cause = solved.solution, solved.solution.cause
+    if cause is None or cause.code != STEPS.code or cause.row is None:
+        return False
+    place = solution.names.index(cause.names[0])
+    columns = (solved.design * solved.root_weight[:, None])[solution.kept]
+    others, step = np.delete(columns, place, axis=1), columns[:, place]
+    q = thin_qr(others / np.linalg.norm(others, axis=0))[0]
+    own = step - combine(q, project(q, step))
+    free = np.maximum(1.0 - np.sum(q**2, axis=1), OWN_PART**2)
+    square = float(own @ own)
+    return square - float(np.max(own**2 / free)) < LEFT_OF_STEP * square
+
+
 def placed_step(solved: Solved, rows: Rows, outlier: float) -> Alternative | None:
     """Return the step of a solution where the rows that it leaves out count, too, None elsewhere.
 
     Wild rows beside a step bend the search, and the rows between where it is and where it was
     looked for are left out for it. It belongs where the squares of all rows are smallest, none
-    taken for more than that of one `outlier`, in standard deviations.
+    taken for more than that of one `outlier`, in standard deviations. A step of Ki or Km that
+    rests on one row is tried as one of the output.
     """
     solution, cause = solved.solution, solved.solution.cause
     if cause is None or cause.code != STEPS.code or cause.row is None:
         return None
     count = len(rows.time_s)
     later = (np.arange(count) >= cause.row).astype(np.float64)
+    if rests_on_one(solved):
+        columns = (later - later.mean())[:, None]
+        output = replace(cause, what="output", unit="V", columns=columns, places=SEARCHED)
+        return None if cause.unit == "V" else output
     shape = cause.columns[:, 0] / (later - later.mean())
     step_V = solution.values[cause.names[0]] * shape
     most = (outlier * solution.noise_V) ** 2

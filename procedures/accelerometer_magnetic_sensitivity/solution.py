@@ -20,7 +20,7 @@ from procedures.estimation.orthogonal import (
     thin_qr,
 )
 
-from .causes import causes_to_try, known_causes, placed_step, with_doubt
+from .causes import causes_to_try, known_causes, placed_step, rests_on_one, with_doubt
 from .dataset import Rows
 from .model import model_columns
 from .nuisances import (
@@ -39,7 +39,7 @@ from .nuisances import (
     stacked,
 )
 from .parameters import AnalysisSettings
-from .solved import FEWEST_OF_A_GROUP, Solution, Solved, uneven, with_misfit
+from .solved import FEWEST_OF_A_GROUP, Solution, Solved, misfit, uneven, with_misfit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -68,7 +68,7 @@ def solve_rows(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettin
         weight = float(np.median(noise.noise_V)) / noise.noise_V[noise.group]
         rows = replace(rows, noise_group=noise.group, root_weight=weight)
         solved = _best_of(rows, kept_names, settings)
-    return replace(with_misfit(solved, rows.groups), uneven=noise)
+    return replace(with_misfit(solved.solution), uneven=noise)
 
 
 def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings) -> Solved:
@@ -76,18 +76,33 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
     first = _solve(rows, kept_names, settings)
     known = known_causes(rows, first.acceleration_g, first.model.coefficients)
     causes = causes_to_try(first, rows, known)
-    others = (_solve(rows, kept_names, settings, cause) for cause in causes)
-    tried = [first, *(other for other in others if abs(other.solution.jump_rad) < MAX_JUMP_RAD)]
     # A step is put in its place before it is compared: in a wrong one a drift looks likelier.
-    for solved in tried[1:]:
-        for _ in range(MAX_MOVES):
-            step = placed_step(solved, rows, settings.outlier)
-            if step is None:
-                break
-            solved = _solve(rows, kept_names, settings, step)
-            tried.append(solved)
-    best = _likeliest(tried, rows)
+    others = (_placed(rows, kept_names, settings, cause) for cause in causes)
+    taken = (
+        other
+        for other in others
+        if abs(other.solution.jump_rad) < MAX_JUMP_RAD and not rests_on_one(other)
+    )
+    best = _likeliest([first, *taken], rows)
+    # What groups share is judged on the likeliest: the squares an average leaves hold more.
+    best = replace(best, solution=replace(best.solution, misfit=misfit(best, rows.groups)))
     return with_doubt(averaged(best, rows), rows, known)
+
+
+def _placed(
+    rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings, cause: Alternative
+) -> Solved:
+    """Solve with a cause, a step moved for as long as that is likelier."""
+    solved = _solve(rows, kept_names, settings, cause)
+    for _ in range(MAX_MOVES):
+        step = placed_step(solved, rows, settings.outlier)
+        if step is None:
+            break
+        moved = _solve(rows, kept_names, settings, step)
+        if not rests_on_one(solved) and _likeliest((solved, moved), rows) is solved:
+            break
+        solved = moved
+    return solved
 
 
 def _likeliest(tried: Sequence[Solved], rows: Rows) -> Solved:

@@ -163,13 +163,12 @@ def misfit(solved: Solved, groups: Mapping[str, NDArray[np.str_]]) -> Misfit | N
     return worst
 
 
-def with_misfit(solved: Solved, groups: Mapping[str, NDArray[np.str_]]) -> Solution:
-    """Return the solution with its misfit, which its uncertainties hold."""
-    solution, worst = solved.solution, misfit(solved, groups)
+def with_misfit(solution: Solution) -> Solution:
+    """Return the solution with uncertainties that hold its misfit."""
+    worst = solution.misfit
     if worst is None:
         return solution
-    covariance = solution.covariance * max(worst.ratio, 1.0)
-    return replace(solution, covariance=covariance, misfit=worst)
+    return replace(solution, covariance=solution.covariance * max(worst.ratio, 1.0))
 
 
 def uneven(rows: Rows, solution: Solution) -> Uneven | None:

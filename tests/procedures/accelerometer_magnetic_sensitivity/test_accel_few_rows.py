@@ -113,3 +113,26 @@ def test_a_step_with_a_wild_row_beside_it_is_found_in_its_row(beside: int) -> No
         assert step.details["row"] == 100
         truth = {**TRUTH, "K0": TRUTH["K0"] + step_V * float(later.mean())}
         assert max(off_in_u(analysis, truth).values()) < 4.0
+
+
+def test_a_step_that_one_row_between_wild_ones_tells_is_not_one_of_the_scale_factor() -> None:
+    clean = record(103, ("io", "level"), 12)
+    later = np.arange(len(clean)) >= 31
+    output_V = clean.output_V + 4e-5 * later
+    output_V[28:34] -= 1e-5 * np.array([289, 489, 802, 467, 732, 12])
+    analysis = analyse(replace(clean, output_V=output_V))
+    step = next(flag for flag in analysis.flags if flag.code == "output-step")
+    assert step.details["what"] == "output"
+    truth = {**TRUTH, "K0": TRUTH["K0"] + 4e-5 * float(later.mean())}
+    assert max(off_in_u(analysis, truth).values()) < 4.0
+
+
+@pytest.mark.parametrize("seed", range(100, 104))
+def test_a_shape_over_angle_beside_a_drift_is_a_misfit(seed: int) -> None:
+    clean = record(seed, ("io",), 12)
+    time = np.linspace(-1.0, 1.0, len(clean))
+    shape_V = 3e-5 * np.sign(np.sin(2.0 * np.radians(clean.theta_deg) + 1.0))
+    moved = replace(clean, output_V=clean.output_V + shape_V + 1e-3 * (time**3 + time))
+    assert {"angle", "field"} & {
+        flag.details.get("what") for flag in analyse(moved).flags if flag.code == "misfit"
+    }
