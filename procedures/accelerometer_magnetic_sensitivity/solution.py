@@ -84,9 +84,12 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
         if abs(other.solution.jump_rad) < MAX_JUMP_RAD and not rests_on_one(other)
     )
     best = _likeliest([first, *taken], rows)
-    # What groups share is judged on the likeliest: the squares an average leaves hold more.
-    best = replace(best, solution=replace(best.solution, misfit=misfit(best, rows.groups)))
-    return with_doubt(averaged(best, rows), rows, known)
+    mean = averaged(best, rows)
+    # An average may leave so much that what groups share is hidden, or leave more of it.
+    shared = (misfit(best, rows.groups), misfit(mean, rows.groups))
+    worst = max((one for one in shared if one), key=lambda one: one.ratio, default=None)
+    mean = replace(mean, solution=replace(mean.solution, misfit=worst))
+    return with_doubt(mean, rows, known)
 
 
 def _placed(
