@@ -16,10 +16,11 @@ sys.path.insert(0, str(DOCS.parent / "tests" / "support"))
 from browser import Page, chromium  # noqa: E402
 from panel_server import panel  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
+from selenium.webdriver.support.ui import Select  # noqa: E402
 
 from station.clock import RealClock  # noqa: E402
 
-WIDTH = 1000
+WIDTH, HEIGHT = 1280, 800
 
 
 def main() -> None:
@@ -30,13 +31,13 @@ def main() -> None:
         try:
             page.driver.get(served.url)
             page.wait(lambda: page.element("serial").is_displayed())
-            page.element("plan").send_keys("rlg-magnetic-sensitivity")
+            Select(page.element("plan")).select_by_value("rlg-magnetic-sensitivity")
             page.element("serial").send_keys("SN-0042", Keys.ENTER)
             page.wait_for("look-steps", "Mount the gyro")
-            take(page, "panel-start", 1200)
+            take(page, "panel-start", 1250)
             page.click("start")
             page.wait_for("prompt-text", "Mount the gyro")
-            take(page, "panel-prompt", 900)
+            take(page, "panel-prompt")
             shown = False
             while not page.text("verdict"):
                 if page.element("prompt").is_displayed():
@@ -45,17 +46,18 @@ def main() -> None:
                         box.click()
                     page.click("answer-done")
                     page.wait(lambda asked=asked: page.text("prompt-text") != asked)
-                if not shown and "sine" in page.text("live-values"):
-                    take(page, "panel-live", 1500)
+                if not shown and "set " in page.text("tiles"):
+                    take(page, "panel-live")
                     shown = True
-            take(page, "panel-results", 2000)
+            take(page, "panel-results", 1300)
         finally:
             page.driver.quit()
 
 
-def take(page: Page, name: str, height: int) -> None:
+def take(page: Page, name: str, height: int = HEIGHT) -> None:
     """Write what the browser shows."""
-    page.driver.set_window_size(WIDTH, height)
+    metrics = {"width": WIDTH, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     RealClock().sleep(1.0)
     page.driver.save_screenshot(str(DOCS / "images" / f"{name}.png"))
 

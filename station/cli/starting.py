@@ -54,3 +54,7 @@ class DetachedRuns:
         if read_bench_named(wanted.bench).simulation is not None:
             arguments.append("--rehearse")
         return begin_detached(arguments).name
+
+    def resume(self, folder: Path) -> None:
+        """Go on with a run; raises InputError with what is wrong."""
+        begin_detached(["resume", str(folder)])

@@ -15,7 +15,7 @@ from station.control.status import message_of, run_time_s
 from station.errors import DamagedRecord, StationError
 from station.files.locks import is_held
 from station.guardian.notes import guardian_at_work
-from station.record.events import Event, LogTail, guardian_events, in_words
+from station.record.events import Event, LogTail, guardian_events, in_words, is_of_line
 from station.record.layout import LOCK
 from station.record.run_state import GOES_ON, SENTENCES, RunState, State
 from station.record.verification import quick_look
@@ -58,7 +58,8 @@ class RunReader:
             except DAMAGE as error:  # no later event mends it
                 self._damage = error
                 raise
-            self._latest.append(event)
+            if not is_of_line(event):
+                self._latest.append(event)
 
     def refuse_altered(self) -> None:
         """Raise DamagedRecord where a run that has ended is not any more as it was left."""

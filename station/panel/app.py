@@ -24,7 +24,7 @@ from station.clock import boot_seconds
 from station.errors import StationError, reason_of
 from station.panel.access import GUESS_EVERY_S, Access, Guard, Role, Turns, cookie_of, peer_of
 from station.panel.figures import figure_of
-from station.panel.overview import MAX_RUNS, benches, plans
+from station.panel.overview import MAX_RUNS, benches, counts, device, plans
 from station.panel.run_requests import REQUESTS, RunRequests
 from station.panel.starting import Starting, Wanted
 from station.panel.watching import RunWatch, Streams
@@ -40,6 +40,8 @@ PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
 LANGUAGE_COOKIE = "station-language"
 REPORT, RESULTS, PLOTS = "report.html", "results.json", "plots.json"
+MANY_RUNS = 200
+"""For the yield of a plan."""
 SEEN_FOR_S = 1.5
 """Real time for which a look at benches and runs is shown; the page asks every 2 s."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -59,7 +61,7 @@ class Panel:
         self._lock = Lock()
         self._turns = Turns()
         self._looks = Lock()
-        self._seen: tuple[float, str, dict[str, Any]] = (float("-inf"), "", {})
+        self._seen: tuple[float, tuple[str, ...], dict[str, Any]] = (float("-inf"), (), {})
 
     def app(self) -> Starlette:
         """Return the application."""
@@ -68,6 +70,7 @@ class Panel:
             Route("/run/{run}", self.run_page),
             Route("/login", self.log_in, methods=["POST"]),
             Route("/api/home", self.home),
+            Route("/api/device", self.device),
             Route("/api/look", self.look, methods=["POST"]),
             Route("/api/start", self.start, methods=["POST"]),
             Route("/api/run/{run}/events", self.events),
@@ -75,6 +78,7 @@ class Panel:
             Route("/api/run/{run}/report", self.report),
             Route("/api/run/{run}/plots", self.plots),
             Route("/api/run/{run}/picture/{name}", self.picture),
+            Route("/api/run/{run}/resume", self.resume, methods=["POST"]),
             Route("/api/run/{run}/{wish}", self.wish, methods=["POST"]),
             Route("/static/plotly.min.js", plotly),
             Route("/static/texts.js", texts),
@@ -134,19 +138,38 @@ class Panel:
         if self._access.role_of(request) is None:
             return JSONResponse({"error": "log in first"}, 401)
 
-        search = request.query_params.get("search", "")[:200]
-        overview = await run_in_threadpool(self.overview, search)
-        return JSONResponse({"role": self.role(request), **overview})
+        role, asked = self.role(request), request.query_params
+        search, plan = asked.get("search", "")[:200], asked.get("plan", "")[:200]
+        overview = await run_in_threadpool(self.overview, search, plan, role)
+        return JSONResponse({"role": role, **overview})
 
-    def overview(self, search: str) -> dict[str, Any]:
+    def overview(self, search: str, plan: str, role: Role) -> dict[str, Any]:
         """Return benches, plans and runs; one look at the files does for all who ask at once."""
+        asked = search, plan, role
         with self._looks:
-            seen_s, searched, seen = self._seen
-            if searched != search or boot_seconds() - seen_s > SEEN_FOR_S:
-                runs = newest_runs(self._runs, search, MAX_RUNS)
-                seen = {"benches": benches(self._runs), "plans": plans(), "runs": runs}
-                self._seen = boot_seconds(), search, seen
+            seen_s, seen_for, seen = self._seen
+            if seen_for != asked or boot_seconds() - seen_s > SEEN_FOR_S:
+                newest = newest_runs(self._runs, most=MANY_RUNS)
+                runs = newest_runs(self._runs, search, MAX_RUNS) if search else newest[:MAX_RUNS]
+                seen = {
+                    "benches": benches(newest),
+                    "plans": plans(role),
+                    "runs": runs,
+                    "today": counts(newest, plan),
+                }
+                self._seen = boot_seconds(), asked, seen
             return seen
+
+    async def device(self, request: Request) -> Response:
+        """Return how the results of a device went from run to run."""
+        serial = request.query_params.get("serial", "")[:200]
+        return JSONResponse(await run_in_threadpool(device, self._runs, serial))
+
+    async def resume(self, request: Request) -> Response:
+        """Go on with a run that ended before its end."""
+        folder = self.folder(request)
+        await run_in_threadpool(self._starting.resume, folder)
+        return JSONResponse({"run": folder.name})
 
     async def look(self, request: Request) -> Response:
         """Return what a run would do."""

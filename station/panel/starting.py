@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from station.errors import InputError
@@ -51,4 +52,8 @@ class Starting(Protocol):
 
     def start(self, wanted: Wanted, role: Role) -> str:
         """Begin it and return the name of its folder; raises InputError with what is wrong."""
+        ...
+
+    def resume(self, folder: Path) -> None:
+        """Go on with a run; raises InputError with what is wrong."""
         ...

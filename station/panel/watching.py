@@ -19,6 +19,7 @@ from starlette.requests import Request
 
 from station.clock import boot_seconds
 from station.control.run_reader import DAMAGE, RunReader
+from station.record.run_list import again
 from station.record.series import RunSeries
 
 LOOKS_EVERY_S = 0.1
@@ -36,6 +37,7 @@ class RunWatch:
         self.folder = folder
         self._reader = RunReader(folder)
         self._series = RunSeries(folder)
+        self._again = again(folder)
         self._lock = Lock()
         self._looked_s = self._plotted_s = float("-inf")
         self._key = token_hex(4)
@@ -71,7 +73,7 @@ class RunWatch:
         self._put("unreadable", {"message": damage})
 
     def _look_at_state(self) -> None:
-        self._put("state", self._reader.state())
+        self._put("state", {**self._reader.state(), "again": self._again})
         self._put("live", self._reader.live())
 
     def _look_at_plots(self, now_s: float) -> None:
@@ -93,7 +95,7 @@ class RunWatch:
         except ValueError:  # others than there are, or no numbers
             return {}
 
-    def _put(self, name: str, data: dict[str, Any]) -> None:
+    def _put(self, name: str, data: Any) -> None:
         text = json.dumps(data, allow_nan=False)
         if text != self._texts[name]:
             self._texts[name] = text

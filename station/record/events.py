@@ -140,27 +140,67 @@ def of_the_run(events: Sequence[Event]) -> Sequence[Event]:
     return events[: max(own, default=0)]
 
 
+SAID: dict[str, str] = {
+    "run-started": "the run of {procedure} began",
+    "resumed": "the run goes on in another process",
+    "identified": "{instrument} is {maker} {model} {serial}",
+    "bench-read": "the bench was read before anything is switched on",
+    "witness-read": "{instrument} has read what is there before anything is switched on",
+    "step-started": "{step} began: {title}",
+    "step-finished": "{step} is done",
+    "prompt-shown": "waits for an answer to [{id}] {text}",
+    "prompt": "{text} Answered: {answer}",
+    "prompt-left": "asked once the bench is at rest: {text}",
+    "unit-started": "{unit} is being recorded",
+    "unit-finished": "{unit} is recorded",
+    "field-on": "what the device is tested with is on",
+    "field-off": "what the device is tested with is off",
+    "published-value": "{name} by the published formula: {value} {unit}",
+    "residual-field": "residual field, round {round}: {field_nT} nT",
+    "depolarised": "precession after the gradient, attempt {attempt}: {frequency_Hz} Hz",
+    "shot-stays-bad": "{unit} stays bad: {reason}",
+    "pose-refused": "{unit}, attempt {attempt}: {why}",
+    "overload": "{unit} is beyond the range of {range_V} V and is measured again",
+    "contact-test-started": "the contact {contact} is tested: somebody opens it now",
+    "contact-test-finished": "the contact {contact} opened and closed as it should",
+    "pause-requested": "a pause is asked for",
+    "went-on": "the run goes on after its pause",
+    "terminal-closed": "the terminal was closed; the run goes on without it",
+    "system-clock-jumped": "the computer's time of day jumped by {by_s} s",
+    "notes-dropped": "{count} notes of drivers were left out",
+    "guardian-replaced": "a guardian was lost and another one has taken its place",
+}
+"""What an event says to a person; one with a `message` says that."""
+
+
+class _Given(dict[str, Any]):
+    """The details of an event as a sentence takes them; what is not there reads "unknown"."""
+
+    def __init__(self, details: Mapping[str, Any]) -> None:
+        super().__init__({name: _plain(value) for name, value in details.items()})
+
+    def __missing__(self, key: str) -> str:
+        return "unknown"
+
+
+def _plain(value: Any) -> str:
+    """Return a value as people read it."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_plain(of)}" for name, of in value.items())
+    if value is None:
+        return "unknown"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def is_of_line(event: Event) -> bool:
+    """Return whether an event is what a driver notes of its line: it tells a person nothing."""
+    return "noted_s" in event.details
+
+
 def in_words(event: Event) -> str:
     """Return an event as a short text."""
     details = event.details
     match event.kind:
-        case "identified":
-            who = " ".join(str(details[key]) for key in ("maker", "model", "serial"))
-            return f"{details['instrument']} is {' '.join(who.split())}"
-        case "step-started":
-            return f"{details['step']} began: {details['title']}"
-        case "step-finished":
-            return f"{details['step']} is done"
-        case "prompt-shown":
-            return f"waits for an answer to [{details['id']}] {details['text']}"
-        case "prompt":
-            return f"{details['text']} Answered: {details['answer']}"
-        case "unit-started":
-            return f"{details['unit']} is being recorded"
-        case "unit-finished":
-            return f"{details['unit']} is recorded"
-        case "failed":
-            return str(details["message"])
         case "run-ended":
             return "all steps are done" if details.get("complete") else "the run has ended early"
         case "safe-state":
@@ -177,6 +217,10 @@ def in_words(event: Event) -> str:
             return ": ".join(
                 [event.kind, "; ".join(f"{who} {what}" for who, what in states.items())]
             )
+        case kind if kind in SAID:
+            return " ".join(SAID[kind].format_map(_Given(details)).split())
+    if "message" in details:
+        return str(details["message"])
     plain = (f"{key} {value}" for key, value in details.items() if not isinstance(value, list))
     return f"{event.kind}: {', '.join(plain)}" if details else event.kind
 

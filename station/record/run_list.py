@@ -13,6 +13,7 @@ from station.record.run_names import runs_below, serial_of
 from station.record.verification import quick_look
 
 RESULTS = "results.json"
+PLAN_FILE = re.compile(r"# (.+?), resolved$", re.MULTILINE)
 OPERATOR = re.compile(r"^operator: (?!null\b)(.*?) *(?:#.*)?$", re.MULTILINE)
 
 
@@ -33,7 +34,7 @@ def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[d
 
 def entry_of(folder: Path) -> dict[str, Any]:
     """Return how a run stands, by a quick look; a verdict that it does not vouch for is none."""
-    begun = first_event(folder)
+    begun, plan = first_event(folder), own_text(folder / PLAN)
     facts = read_json(folder / RUN)
     verdict = words(read_json(folder / RESULTS).get("verdict")) or None
     try:
@@ -49,7 +50,8 @@ def entry_of(folder: Path) -> dict[str, Any]:
         "procedure": words(begun.get("procedure")),
         "bench": words(facts.get("bench_file")),
         "serial": serial_of(folder),
-        "operator": operator_of(folder),
+        "operator": operator_of(plan),
+        "plan": plan_of(plan),
         "started": words(facts.get("started_utc")),
         "running": running,
         "verdict": verdict,
@@ -57,10 +59,23 @@ def entry_of(folder: Path) -> dict[str, Any]:
     }
 
 
-def operator_of(folder: Path) -> str:
-    """Return who the plan says runs it, as its resolved copy has it."""
-    match = OPERATOR.search(own_text(folder / PLAN))
+def again(folder: Path) -> dict[str, str]:
+    """Return what starts the same plan once more: the names of plan and bench, the operator."""
+    plan, facts = own_text(folder / PLAN), read_json(folder / RUN)
+    bench = Path(words(facts.get("bench_file"))).stem
+    return {"plan": plan_of(plan), "bench": bench, "operator": operator_of(plan)}
+
+
+def operator_of(plan: str) -> str:
+    """Return who runs it by the text of a resolved plan."""
+    match = OPERATOR.search(plan)
     return words(match[1].strip("'\"")) if match else ""
+
+
+def plan_of(plan: str) -> str:
+    """Return the name of the plan by the text of a resolved one."""
+    match = PLAN_FILE.match(plan)
+    return words(Path(match[1]).stem) if match else ""
 
 
 def first_event(folder: Path) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from station.record.events import (
     SAFE_STATE,
     Event,
     in_words,
+    is_of_line,
 )
 
 PAUSED, WENT_ON = "paused", "went-on"
@@ -84,7 +85,7 @@ class Process:
     first_event: int = 0
     step: str | None = None
     step_began_s: dict[str, float] = field(default_factory=dict)
-    steps_finished: set[str] = field(default_factory=set)
+    step_ended_s: dict[str, float] = field(default_factory=dict)
     units_finished: list[tuple[str, float]] = field(default_factory=list)
     """Each unit of work with the time of work, in s, at which it was finished."""
     open_prompts: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -163,7 +164,7 @@ class RunState:
                 self.step, process.step = details, details["step"]
                 process.step_began_s[details["step"]] = event.time_s
             case "step-finished":
-                process.steps_finished.add(details["step"])
+                process.step_ended_s[details["step"]] = event.time_s
             case "unit-finished":
                 self.units[details["unit"]] = details
                 done = (details["unit"], process.worked_s(event.time_s))
@@ -192,7 +193,7 @@ class RunState:
             self._own = self._count
             if kind == RUN_STARTED:
                 self._last_own = None
-            elif "noted_s" not in details:  # what a driver notes of its line tells a person nothing
+            elif not is_of_line(event):
                 self._last_own = event
 
     def guardian_logged(self, events: Iterable[Event]) -> None:
@@ -224,11 +225,14 @@ class RunState:
             return "failed"
         return "evaluating" if held else "finished"
 
-    def steps(self) -> list[dict[str, str]]:
-        """Return number, title and state of each step: `waits`, `now` or `done`."""
+    def steps(self) -> list[dict[str, Any]]:
+        """Return number, title and state of each step: `waits`, `now` or `done`; and its times.
+
+        In s of run time: when it began, how long it took, and how long it should take.
+        """
 
         def state_of(number: str) -> str:
-            if number in self.process.steps_finished:
+            if number in self.process.step_ended_s:
                 return "done"
             return "now" if number == self.process.step else "waits"
 
@@ -237,9 +241,20 @@ class RunState:
                 "number": step["step"],
                 "title": step.get("title", ""),
                 "state": state_of(step["step"]),
+                **self._times_of(step),
             }
             for step in self.planned.get("steps", ())
         ]
+
+    def _times_of(self, step: Mapping[str, Any]) -> dict[str, Any]:
+        process, number = self.process, step["step"]
+        began_s, ended_s = process.step_began_s.get(number), process.step_ended_s.get(number)
+        took_s = None if began_s is None or ended_s is None else ended_s - began_s
+        return {
+            "began_s": None if began_s is None else round(began_s - self.began_s, 3),
+            "took_s": None if took_s is None else round(took_s, 3),
+            "expected_s": step.get("expected_s"),
+        }
 
     def remaining_s(self, now_s: float) -> float | None:
         """Return the bench time in s that what is not done yet is expected to take.
@@ -253,7 +268,7 @@ class RunState:
         left_s = sum(
             self._step_left_s(step, now_s)
             for step in self.planned["steps"]
-            if step["step"] not in self.process.steps_finished
+            if step["step"] not in self.process.step_ended_s
         )
         expected = dict(self.planned.get("units_expected", {}))
         done = [
@@ -274,7 +289,7 @@ class RunState:
         ]
         if not self.speed or not steps or self.process.ended is not None:
             return None
-        if steps[0]["step"] in self.process.steps_finished:
+        if steps[0]["step"] in self.process.step_ended_s:
             return 0.0
         return round(self._step_left_s(steps[0], now_s), 3)
 

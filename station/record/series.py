@@ -7,6 +7,7 @@ there for a moment, is shown as large as it was.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,17 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from station.clock import boot_seconds
+from station.record.careful_reading import own_text
 from station.record.files import is_own_file
-from station.record.layout import RAW
+from station.record.layout import PLAN, RAW
 from station.record.raw_tail import RawTail
 from station.roles.base import ARRIVAL
 from station.roles.role import role, role_of
-from station.units import shown_in
+from station.units import UnitError, parse_as, shown_in
 
 Array = NDArray[np.float64]
 
 MAX_POINTS = 600
 COUNTED = "counts"
+PULSE_WEIGHT = re.compile(r"^ +pulse_weight: (.*?) *(?:#.*)?$", re.MULTILINE)
+"""What a count of the device is worth, in the resolved plan of a procedure that knows it."""
 MAX_COLUMNS = 4
 """Of a source: the first ones, as the driver orders them."""
 NO_QUANTITY = ("time_s", "state", "flags", "sequence", "number", "valid")
@@ -101,6 +105,7 @@ class RunSeries:
 
     def __init__(self, folder: Path) -> None:
         self._raw = folder / RAW
+        self._pulse_weight_arcsec = pulse_weight_arcsec(folder)
         self._tails: dict[Path, RawTail] = {}
         self._series: dict[str, dict[str, Thinned]] = {}
 
@@ -125,17 +130,24 @@ class RunSeries:
                     return added
         return added
 
-    def data(self) -> dict[str, Any]:
-        """Return the series as plain data: plot, by source and unit, to line to times and values.
+    def data(self) -> list[dict[str, Any]]:
+        """Return the series as plain data, those of the device under test first.
 
-        Of what an instrument counts, the pulses in a second are shown.
+        Each is of one source and unit: `columns` has times and values by column, `device` says
+        whether the source reads the device. Of what an instrument counts, the rate is shown where
+        the plan says what a pulse weighs, else the pulses in a second.
         """
-        plots: dict[str, dict[str, dict[str, list[float]]]] = {}
+        plots: dict[tuple[str, str], dict[str, Any]] = {}
         for source, series in self._series.items():
             for name, thinned in series.items():
-                shown = f"{source}, {unit_of(name)}"
-                plots.setdefault(shown, {})[name_of(name)] = values_of(name, thinned)
-        return plots
+                quantity, unit, factor = self._shown(name)
+                plot = plots.setdefault(
+                    (source, unit),
+                    {"source": source, "unit": unit, "device": is_of_device(source), "columns": {}},
+                )
+                column = f"{quantity}_{unit}" if quantity else name
+                plot["columns"][column] = thinned.data(factor=factor)
+        return sorted(plots.values(), key=lambda plot: not plot["device"])
 
     def ranges(self) -> Iterator[tuple[str, str, tuple[float, float, float]]]:
         """Yield source, column, and the least, the mean and the greatest value of each series."""
@@ -147,13 +159,21 @@ class RunSeries:
     def of_device(self) -> Trace | None:
         """Return what the device under test gave, None where nothing of it was recorded yet."""
         for source, series in self._series.items():
-            declared = role(role_of(source))
-            if declared is None or not declared.reads_device:
+            if not is_of_device(source):
                 continue
             for name, thinned in series.items():
-                if values := values_of(name, thinned)["v"]:
-                    return Trace(source, name.rpartition("_")[0] or name, unit_of(name), values)
+                quantity, unit, factor = self._shown(name)
+                if values := thinned.data(factor=factor)["v"]:
+                    return Trace(source, quantity or name, unit, values)
         return None
+
+    def _shown(self, column: str) -> tuple[str, str, float]:
+        """Return quantity and unit in which a column is shown, and what its values are times."""
+        if column == COUNTED:  # an arc second in a second is a degree in an hour
+            weight = self._pulse_weight_arcsec
+            return ("", "counts/s", 1.0) if weight is None else ("rate", "deg/h", weight)
+        quantity, _, unit = column.rpartition("_")
+        return (quantity, *shown_in(unit))
 
 
 class Trace(NamedTuple):
@@ -165,20 +185,19 @@ class Trace(NamedTuple):
     values: list[float]
 
 
-def unit_of(column: str) -> str:
-    """Return the unit in which a column is shown."""
-    return "counts/s" if column == COUNTED else shown_in(column.rpartition("_")[2])[0]
+def pulse_weight_arcsec(folder: Path) -> float | None:
+    """Return what a pulse of the device weighs by the plan of a run, in arcsec; None unstated."""
+    stated = PULSE_WEIGHT.search(own_text(folder / PLAN))
+    try:
+        return parse_as(stated[1], "arcsec") if stated else None
+    except UnitError:
+        return None
 
 
-def name_of(column: str) -> str:
-    """Return the name of a column with the unit in which it is shown."""
-    quantity, _, unit = column.rpartition("_")
-    return f"{quantity}_{shown_in(unit)[0]}" if quantity else column
-
-
-def values_of(column: str, series: Thinned) -> dict[str, list[float]]:
-    """Return times in s and values of a column as it is shown."""
-    return series.data(factor=shown_in(column.rpartition("_")[2])[1])
+def is_of_device(source: str) -> bool:
+    """Return whether an instrument reads the device under test."""
+    declared = role(role_of(source))
+    return declared is not None and declared.reads_device
 
 
 def source_of(path: Path) -> str:

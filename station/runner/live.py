@@ -8,12 +8,16 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from station.clock import Clock
-from station.safety.readings import Readings
-from station.units import shown
+from station.method.set_points import BOUNDS, Bounds
+from station.roles.role import quantities_of
+from station.safety.bounds import upper_limits
+from station.safety.readings import Reading, Readings
+from station.units import shown, shown_in
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from station.instruments.bench import Bench
     from station.safety.interlocks.monitor import InterlockLook
 
 NO_QUANTITY = ("sequence", "counter", "number", "valid", "state", "flags", "time_s")
@@ -31,18 +35,19 @@ class LiveBoard:
     place whole.
     """
 
-    def __init__(self, clock: Clock, readings: Readings) -> None:
+    def __init__(self, clock: Clock, readings: Readings, bench: Bench) -> None:
         self._clock = clock
         self._readings = readings
-        self._set: dict[str, str] = {}
+        self._limits = limits_of(bench)
+        self._set: dict[str, tuple[str, Bounds]] = {}
         self._rows: dict[str, tuple[NDArray[Any], float]] = {}
         self.now = ""
         """What goes on within the present step."""
         self.interlocks: Callable[[], Sequence[InterlockLook]] = tuple
 
-    def commanded(self, instrument: str, words: str) -> None:
+    def commanded(self, instrument: str, words: str, bounds: Bounds) -> None:
         """Take note of what was sent to an instrument last."""
-        self._set[instrument] = words
+        self._set[instrument] = words, bounds
 
     def came(self, source: str, rows: NDArray[Any]) -> None:
         """Take note of the newest row that a source gave; `rows` has at least one."""
@@ -51,25 +56,26 @@ class LiveBoard:
     def data(self) -> dict[str, Any]:
         """Return instruments with set-point and values, interlocks, and what goes on at `time_s`.
 
-        `age_s` is the run time since a value was read.
+        A value that is a number has it as `value` in `unit`, with what was commanded, `set`, and
+        what it may not exceed, `limit`, where there is such. `age_s` is the run time since it was
+        read.
         """
         now_s = self._clock.now()
-        read: dict[str, dict[str, tuple[str, float]]] = {}
+        read: dict[str, dict[str, Reading]] = {}
         for (instrument, quantity), reading in self._readings.board().items():
-            text = value_text(reading.value, reading.unit)
-            read.setdefault(instrument, {})[quantity] = text, reading.time_s
+            read.setdefault(instrument, {})[quantity] = reading
         for source, (row, time_s) in self._rows.copy().items():
-            for name, text in columns_of(row).items():
-                read.setdefault(source, {})[name] = text, time_s
+            for name, (value, unit) in columns_of(row).items():
+                read.setdefault(source, {})[name] = Reading(value, unit, time_s)
         commanded = self._set.copy()
         return {
             "instruments": [
                 {
                     "instrument": name,
-                    "set": commanded.get(name, ""),
+                    "set": commanded[name][0] if name in commanded else "",
                     "read": [
-                        {"quantity": quantity, "text": text, "age_s": round(now_s - at_s, 1)}
-                        for quantity, (text, at_s) in list(read.get(name, {}).items())[:MAX_READ]
+                        self._shown(name, quantity, reading, now_s)
+                        for quantity, reading in list(read.get(name, {}).items())[:MAX_READ]
                     ],
                 }
                 for name in sorted({*commanded, *read})
@@ -79,22 +85,62 @@ class LiveBoard:
             "time_s": now_s,
         }
 
+    def _shown(self, name: str, quantity: str, reading: Reading, now_s: float) -> dict[str, Any]:
+        value, unit, time_s = reading
+        age_s = round(now_s - time_s, 1)
+        if isinstance(value, str):
+            return {"quantity": quantity, "text": value, "age_s": age_s}
+        entry = {"quantity": quantity, "text": shown(value, unit), "age_s": age_s}
+        if not math.isfinite(value):
+            return entry
+        unit, factor = shown_in(unit)
+        numbers = {
+            "value": value * factor,
+            "set": self._commanded(name, quantity, unit),
+            "limit": self._limits.get((name, quantity)),
+        }
+        kept = {key: number for key, number in numbers.items() if number is not None}
+        return {**entry, "unit": unit, **kept}
 
-def columns_of(row: NDArray[Any]) -> dict[str, str]:
-    """Return the quantities of a row of a record, by name, as texts with units."""
+    def _commanded(self, name: str, quantity: str, unit: str) -> float | None:
+        """Return how much of a quantity an instrument was told last, None for nothing."""
+        _, bounds = self._set.get(name, ("", Bounds()))
+        given = (
+            bounds.get(key)
+            for key, bound in BOUNDS.items()
+            if bound.word == quantity and bound.unit == unit
+        )
+        return next((float(value) for value in given if isinstance(value, float)), None)
+
+
+def limits_of(bench: Bench) -> dict[tuple[str, str], float]:
+    """Return what each quantity of each instrument may not exceed, in its unit, at most.
+
+    That is the bench file's limit on it, or the level of an interlock where that is lower.
+    """
+    most: dict[tuple[str, str], float] = {}
+    for name, instrument in bench.instruments.items():
+        for quantity, kind in quantities_of(name).items():
+            ends = (kind.limit, f"{kind.limit}_high") if kind.limit else ()
+            for limit in (instrument.limits[key] for key in ends if key in instrument.limits):
+                most[name, quantity] = limit
+    conditions = [interlock.when for interlock in bench.interlocks]
+    for level in upper_limits(conditions, "any"):
+        key = level.instrument, level.quantity
+        most[key] = min(level.high, most.get(key, math.inf))
+    return most
+
+
+def columns_of(row: NDArray[Any]) -> dict[str, tuple[float, str]]:
+    """Return the quantities of a row of a record, by name, with their units."""
     from station.roles.base import ARRIVAL
 
-    texts = {}
+    values = {}
     for column in row.dtype.names or ():
         if column == ARRIVAL or column.endswith(NO_QUANTITY) or row.dtype[column].shape:
             continue
         named = NAME.fullmatch(column)
         quantity, unit = named.groups() if named else (column, "")
         if not math.isnan(value := float(row[column])):  # none in this row
-            texts[quantity] = value_text(value, unit.replace("_per_", "/"))
-    return texts
-
-
-def value_text(value: float | str, unit: str) -> str:
-    """Return a value with its unit: a few digits show what goes on, the record has them all."""
-    return value if isinstance(value, str) else shown(value, unit)
+            values[quantity] = value, unit.replace("_per_", "/")
+    return values

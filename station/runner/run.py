@@ -82,7 +82,7 @@ class ActingRun(Run):
         self._step_began_s = clock.now()
         self.readings = Readings(clock)
         """What drivers published last, and what they noted."""
-        self.live = LiveBoard(clock, self.readings)
+        self.live = LiveBoard(clock, self.readings, bench)
         self.witnesses = Witnesses(clock, self.past.witnessed)
         """What second instruments see of the sources that are driven."""
         command = bench.file.notify.command if bench.file.notify else ()
@@ -157,11 +157,12 @@ class ActingRun(Run):
         """Send a command to its instrument."""
         if command not in self._prepared:
             self.prepare(command)
-        self.live.commanded(command.instrument, command.words(self.bench))
+        words, bounds = command.words(self.bench), command.bounds(self.bench)
+        self.live.commanded(command.instrument, words, bounds)
         if turns(command.instrument):
             self.witnesses.moved(f"the {command.instrument} turned since")
         else:
-            expected = self._expected(command.instrument, {**command.bounds(self.bench)})
+            expected = self._expected(command.instrument, {**bounds})
             self.witnesses.drives(command.instrument, expected)
         return command.apply(self, self._prepared.pop(command))
 

@@ -14,6 +14,24 @@ function translatePage() {
     const own = walker.currentNode.data.trim();
     if (own) walker.currentNode.data = walker.currentNode.data.replace(own, () => t(own));
   }
+  for (const name of ["aria-label", "title"]) {
+    for (const one of document.querySelectorAll(`[${name}]`)) one.setAttribute(name, t(one.getAttribute(name)));
+  }
+}
+
+// The look: as the computer has it, or as somebody chose it for this browser.
+function themeSwitch() {
+  const chosen = document.createElement("select"), kept = localStorage.getItem("station-theme") || "";
+  chosen.id = "theme";
+  chosen.setAttribute("aria-label", t("Look of the page"));
+  const dark = matchMedia("(prefers-color-scheme: dark)"), contrast = matchMedia("(prefers-contrast: more)");
+  for (const [value, text] of [["", t("as the computer")], ["light", t("light")], ["dark", t("dark")], ["contrast", t("high contrast")]]) chosen.append(new Option(text, value));
+  chosen.value = kept;
+  const use = () => { document.documentElement.dataset.theme = chosen.value || (contrast.matches ? "contrast" : dark.matches ? "dark" : "light"); };
+  chosen.addEventListener("change", () => { localStorage.setItem("station-theme", chosen.value); use(); });
+  dark.addEventListener("change", use);
+  use();
+  document.getElementById("settings").append(chosen);
 }
 
 function languageSwitch() {
@@ -26,9 +44,10 @@ function languageSwitch() {
     document.cookie = `station-language=${chosen.value}; path=/; max-age=31536000; samesite=strict`;
     location.reload();
   });
-  document.querySelector("header").append(chosen);
+  document.getElementById("settings").append(chosen);
 }
 translatePage();
+themeSwitch();
 languageSwitch();
 
 function byId(id) { return document.getElementById(id); }
@@ -43,6 +62,20 @@ function element(name, text, className) {
   if (className) made.className = className;
   return made;
 }
+
+const VERDICTS = {pass: t("pass"), fail: t("fail"), inconclusive: t("inconclusive"), none: t("none")};
+
+// A word of an instrument: its role, a quantity, the word of a state.
+function word(text) { return t(text.replace(/_/g, " ")); }
+
+// `coil_supply.x` as people say it.
+function placeName(instrument) {
+  const [role, member] = instrument.split(".");
+  return [word(role), member && member.replace(/_/g, " ")].filter(Boolean).join(" ");
+}
+
+const UNITS = [[/\bdegC\b/g, "°C"], [/\bdeg\b/g, "°"], [/\barcsec\b/g, "″"], [/\bohm\b/g, "Ω"], [/\bu(?=[A-Za-z])/g, "µ"], [/\^2/g, "²"], [/\^3/g, "³"], [/sqrt\((\w+)\)/g, "√$1"]];
+function typeset(unit) { return UNITS.reduce((text, [ascii, sign]) => text.replace(ascii, sign), unit || ""); }
 
 function row(...cells) {
   const made = element("tr");

@@ -1,44 +1,100 @@
 "use strict";
-const REFRESH_MS = 2000;
+const REFRESH_MS = 2000, DUE_SOON_DAYS = 30;
 const STATES = {free: t("free"), "in use": t("in use"), tripped: t("tripped"), broken: t("broken"),
                 running: t("running"), evaluated: t("evaluated"), "ended without results": t("ended without results")};
-const VERDICTS = {pass: t("pass"), fail: t("fail"), inconclusive: t("inconclusive"), none: t("none")};
 const ROLES = {operator: t("operator"), engineer: t("engineer")};
+
+const LAST = "station-last";  // what was chosen for the run before
+const QUEUE = "station-serials";
+
+function serials() { return byId("serial").value.split(/\s+/).filter(Boolean); }
 
 function wanted() {
   return {plan: byId("plan").value, bench: byId("bench").value,
-          serial: byId("serial").value, operator: byId("operator").value};
+          serial: serials()[0] || "", operator: byId("operator").value};
+}
+
+// A scanner types wherever the focus is: what it types belongs to the serial number.
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey || event.key.length !== 1) return;
+  if (["INPUT", "SELECT", "TEXTAREA"].includes(document.activeElement.tagName) || (document.activeElement.tagName === "BUTTON" && event.key === " ")) return;
+  if (!byId("content").hidden) byId("serial").focus();
+});
+
+// What a link asks for, else what was chosen last.
+function remembered() {
+  const asked = Object.fromEntries(new URLSearchParams(location.search));
+  return {...JSON.parse(localStorage.getItem(LAST) || "{}"), ...asked};
 }
 
 function fill(select, entries) {
   if (select.options.length === entries.length) return;
-  const chosen = select.value;
-  select.replaceChildren(...entries.map((one) => new Option(one.name, one.name)));
-  if (entries.some((one) => one.name === chosen)) select.value = chosen;
+  const before = select.value || remembered()[select.id] || "";
+  select.replaceChildren(...entries.map((one) => new Option(one.title ? `${t(one.title)} (${one.name})` : one.name, one.name)));
+  if (entries.some((one) => one.name === before)) select.value = before;
   else if (select.id === "bench" && entries.some((one) => one.name === "sim")) select.value = "sim";
 }
 
-function benchRow(one) {
-  const word = STATES[one.state] || one.state, state = one.what ? `${word}: ${one.what}` : word;
-  const due = one.due ? one.due + (one.overdue ? ` (${t("overdue")})` : "") : t("no record");
-  return row(one.title ? `${one.name}: ${one.title}` : one.name, element("span", state, "state " + one.state.replace(" ", "-")), due);
+function benchCard(one) {
+  const made = element("li", null, "bench-card " + one.state.replace(" ", "-"));
+  made.append(element("h3", one.name), element("p", one.title, "muted"),
+              element("p", STATES[one.state] || one.state, "state"));
+  if (one.state === "in use") made.lastChild.append(": ", link(one.what, `/run/${encodeURIComponent(one.what)}`));
+  else if (one.what) made.append(element("p", one.what));
+  const due = one.due_days === null ? t("no calibration on record") : one.due_days < 0 ? t("calibration overdue by {days} days", {days: -one.due_days}) : t("calibration due in {days} days", {days: one.due_days});
+  made.append(element("p", due, one.due_days !== null && one.due_days < DUE_SOON_DAYS ? "attention" : "muted"));
+  return made;
 }
 
 function runRow(one) {
-  return row(link(one.run, `/run/${encodeURIComponent(one.run)}`), one.serial, STATES[one.state] || one.state,
+  const device = element("button", one.serial || "–");
+  device.type = "button";
+  device.addEventListener("click", () => showTrend(one.serial));
+  return row(device, link(one.run, `/run/${encodeURIComponent(one.run)}`), STATES[one.state] || one.state,
              one.verdict ? element("span", VERDICTS[one.verdict] || one.verdict, "verdict " + one.verdict) : "");
+}
+
+// How the results of a device went from run to run.
+async function showTrend(serial) {
+  const response = await fetch("/api/device?serial=" + encodeURIComponent(serial));
+  if (!response.ok) return;
+  const data = await response.json();
+  say("trend-title", t("Results of {serial}, {n} runs", {serial, n: data.runs}));
+  byId("trend").replaceChildren(...data.results.map((one) => row([one.name, one.axis].filter(Boolean).join(" "), typeset(one.unit), trendLine(one), String(Number(one.values[one.values.length - 1].toPrecision(5))))));
+  show("trend-card", true);
+  byId("trend-card").scrollIntoView({block: "nearest"});
+}
+
+function trendLine({values, u, name}) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), reach = values.flatMap((v, n) => [v - (u[n] || 0), v + (u[n] || 0)]);
+  const low = Math.min(...reach), high = Math.max(...reach), at = (v) => 30 - 26 * (v - low) / (high - low || 1), x = (n) => values.length > 1 ? 5 + 190 * n / (values.length - 1) : 100;
+  for (const [key, value] of Object.entries({class: "trend", viewBox: "0 0 200 34", role: "img", "aria-label": t("{name}: {n} values from {low} to {high}", {name, n: values.length, low: Math.min(...values), high: Math.max(...values)})})) svg.setAttribute(key, value);
+  const add = (tag, attributes) => { const made = document.createElementNS("http://www.w3.org/2000/svg", tag); for (const [k, v] of Object.entries(attributes)) made.setAttribute(k, v); svg.append(made); };
+  add("polyline", {points: values.map((v, n) => `${x(n)},${at(v)}`).join(" ")});
+  values.forEach((v, n) => { add("line", {x1: x(n), x2: x(n), y1: at(v - (u[n] || 0)), y2: at(v + (u[n] || 0))}); add("circle", {cx: x(n), cy: at(v), r: 3}); });
+  return svg;
+}
+
+function showToday({runs, passed, plan}) {
+  say("today-runs", String(runs));
+  say("today-passed", String(passed));
+  say("yield", plan && plan.decided ? `${Math.round(100 * plan.passed / plan.decided)} %` : "–");
+  say("yield-of", plan ? t("yield of {plan}: {passed} of {decided}", plan) : "");
 }
 
 async function refresh() {
   try {
-    const response = await fetch("/api/home?search=" + encodeURIComponent(byId("search").value));
+    const response = await fetch("/api/home?" + new URLSearchParams({search: byId("search").value, plan: byId("plan").value}));
     if (response.status === 401) { show("login", true); show("content", false); return; }
     const data = await response.json();
     show("login", false);
+    const first = byId("content").hidden;
     show("content", true);
+    if (first) begin();
     fill(byId("plan"), data.plans);
     fill(byId("bench"), data.benches);
-    byId("benches").replaceChildren(...data.benches.map(benchRow));
+    byId("benches").replaceChildren(...data.benches.map(benchCard));
+    showToday(data.today);
     byId("runs").replaceChildren(...data.runs.map(runRow));
     say("connection", t("Role: {role}", {role: ROLES[data.role]}));
   } catch (error) {
@@ -46,9 +102,23 @@ async function refresh() {
   }
 }
 
-function stepRow(one) {
-  const sets = one.set_points.map((point) => `${point.instrument}: ${point.text}`).join("; ");
-  return row(one.step, one.title, span(one.starts_s), sets);
+// What is asked of this visit: a serial number of the list, else an empty field that has the focus.
+function begin() {
+  const {operator, serial} = remembered(), queue = JSON.parse(sessionStorage.getItem(QUEUE) || "[]");
+  byId("operator").value = operator || "";
+  byId("serial").value = serial || queue.join(" ");
+  byId("serial").focus();
+}
+
+function stepItem(one, whole_s) {
+  const made = element("li"), track = element("span", "", "track"), bar = element("i");
+  track.style.setProperty("--from", `${100 * one.starts_s / (whole_s || 1)}%`);
+  track.style.setProperty("--share", `${100 * one.expected_s / (whole_s || 1)}%`);
+  track.append(bar);
+  made.append(element("span", one.step), element("span", one.title), track, element("span", span(one.expected_s), "number"));
+  const sets = one.set_points.map((point) => `${placeName(point.instrument)}: ${point.text}`).join("; ");
+  if (sets) made.append(element("span", sets, "sets"));
+  return made;
 }
 
 function extremeText(one) {
@@ -64,11 +134,12 @@ byId("look-form").addEventListener("submit", async (event) => {
     const looked = JSON.stringify(wanted());
     const data = await post("/api/look", wanted());
     if (looked !== JSON.stringify(wanted())) { say("look-said", t("changed meanwhile: look again")); return; }
-    say("look-said", data.faults.join("\n"));
+    say("look-said", data.steps ? "" : data.faults.join("\n"));
     if (!data.steps) return;
+    byId("look-faults").replaceChildren(...data.faults.map((one) => element("li", one)));
     say("look-title", data.title);
     say("look-time", t("Takes about {span} of bench time.", {span: span(data.expected_s)}));
-    byId("look-steps").replaceChildren(...data.steps.map(stepRow));
+    byId("look-steps").replaceChildren(...data.steps.map((one) => stepItem(one, data.expected_s)));
     byId("look-extremes").replaceChildren(...data.extremes.map((one) => element("li", extremeText(one))));
     byId("look-warnings").replaceChildren(...data.warnings.map((one) => element("li", one)));
     byId("start").disabled = data.faults.length > 0;
@@ -84,8 +155,11 @@ for (const id of ["serial", "operator", "plan", "bench"]) {
 byId("start").addEventListener("click", async () => {
   byId("start").disabled = true;
   say("look-said", t("the run begins …"));
+  const {serial, ...chosen} = wanted();
   try {
-    const data = await post("/api/start", wanted());
+    const data = await post("/api/start", {serial, ...chosen});
+    localStorage.setItem(LAST, JSON.stringify(chosen));
+    sessionStorage.setItem(QUEUE, JSON.stringify(serials().slice(1)));
     location.href = `/run/${encodeURIComponent(data.run)}`;
   } catch (error) {
     say("look-said", error.message);

@@ -2,11 +2,8 @@
 const SILENT_MS = 2500;
 const RUN = decodeURIComponent(location.pathname.split("/").pop());
 const API = `/api/run/${encodeURIComponent(RUN)}/`;
-const ICONS = {pass: "✔", fail: "✘", inconclusive: "?", none: "–"};
-const WORDS = {pass: t("PASS: within every limit"), fail: t("FAIL: the device is outside a limit"),
-               inconclusive: t("INCONCLUSIVE: no decision about the device"), none: t("No limit was asked for")};
+const STATE_ICONS = {running: "▶", paused: "‖", evaluating: "⋯", finished: "■", failed: "✘", interrupted: "✘"};
 const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
-const VERDICTS = {pass: t("pass"), fail: t("fail"), inconclusive: t("inconclusive"), none: t("none")};
 const READS_MS = 1000;
 const AGAIN_MS = 2000;
 const ANSWERS_MS = 3000;
@@ -17,21 +14,30 @@ function stateOf(data) {
   const alive = ["running", "paused", "evaluating"].includes(data.state);
   titleBefore = `${data.dut ? data.dut.serial : RUN}: ${t(data.sentence)}`;
   document.title = (data.prompt ? "● " : "") + titleBefore;
-  say("run-title", [data.procedure, data.dut && `${data.dut.model} ${data.dut.serial}`].filter(Boolean).join(" · "));
-  say("sentence", t(data.sentence));
-  say("message", data.message);
+  say("run-title", data.dut ? `${data.dut.model} ${data.dut.serial}` : RUN);
+  say("run-procedure", data.procedure);
+  const waits = data.prompt || data.state === "paused", bad = ["failed", "interrupted"].includes(data.state);
+  byId("pill").className = "pill" + (bad ? " bad" : waits ? " wait" : "");
+  say("state-icon", data.prompt ? "?" : STATE_ICONS[data.state]);
+  say("sentence", data.prompt ? t("waits for an answer") : t(data.sentence));
+  say("message", data.prompt ? "" : data.message);
+  byId("message").title = data.message;
+  byId("bench").classList.toggle("ended", !alive);
+  show("now-column", alive);
+  show("measured-column", alive);
+  show("after", !alive);
   say("units", data.units_planned ? t("{done} of {planned}", {done: data.units_done, planned: data.units_planned}) : `${data.units_done}`);
   say("time", span(data.time_s));
   say("left", alive ? span(data.left_s) : t("nothing"));
   say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : alive ? t("unknown") : t("it has ended"));
   state = data.state;
   buttons();
-  byId("steps").replaceChildren(...data.steps.map((one) => {
-    const made = element("li", `${STEP_ICONS[one.state]} ${one.number} ${one.title}`, "step " + one.state);
-    if (one.state === "now") made.setAttribute("aria-current", "step");
+  showSteps(data);
+  byId("log").replaceChildren(...data.log.slice().reverse().map((one) => {
+    const made = element("li"), when = element("time", `${one.t.toFixed(1)} s`);
+    made.append(when, element("span", one.text));
     return made;
   }));
-  byId("log").replaceChildren(...data.log.slice().reverse().map((one) => element("li", `${one.t.toFixed(1)} s  ${one.text}`)));
   promptOf(data.prompt);
   safeOf(data.safe);
   const died = data.state === "interrupted";
@@ -39,7 +45,29 @@ function stateOf(data) {
   if (died) say("notice", t("STATION ERROR: the run's process is gone. {message}", {message: data.message}));
   if (data.state === "failed") say("notice", t("The run did not finish: {message}", {message: data.message}));
   if (damage) say("notice", damage);  // of a damaged log nobody knows how the run ended
+  if (!alive) toDo(data);
   if (!alive && data.state === "finished" && !resultsShown) after();
+}
+
+function showSteps(data) {
+  const at = data.steps.findIndex((one) => one.state === "now");
+  const done = data.steps.filter((one) => one.state === "done").length;
+  say("step-of", t("step {n} of {m}", {n: at < 0 ? done : at + 1, m: data.steps.length}));
+  say("step-name", at < 0 ? "" : `${data.steps[at].number} ${data.steps[at].title}`);
+  const gone = (one) => one.began_s === null ? 0 : data.time_s - one.began_s;
+  byId("steps").replaceChildren(...data.steps.map((one) => {
+    const made = element("li", null, "step " + one.state);
+    const took = one.took_s !== null ? span(one.took_s) : one.state === "now" ? t("{span} of {whole}", {span: span(gone(one)), whole: span(one.expected_s)}) : span(one.expected_s);
+    made.append(element("span", STEP_ICONS[one.state]), element("span", one.number), element("span", one.title), element("span", took, "took"));
+    if (one.state === "now") made.setAttribute("aria-current", "step");
+    return made;
+  }));
+  byId("timeline").replaceChildren(...data.steps.map((one) => {
+    const part = element("span"), expected = one.expected_s || 0;
+    part.style.flexGrow = String(Math.max(one.took_s ?? expected, 1));
+    part.style.setProperty("--done", one.state === "done" ? "100%" : one.state === "now" ? `${Math.min(100 * gone(one) / Math.max(expected, 1), 100)}%` : "0%");
+    return part;
+  }));
 }
 
 function buttons() {
@@ -104,24 +132,11 @@ function safeOf(outcomes) {
     one.verified ? "good" : "bad")));
 }
 
-const LOCK_WORDS = {clear: t("✔ clear"), waits: t("! true for a moment"), tripped: t("✘ TRIPPED")};
-const OLD_S = 30;
-
-function readText(one) {
-  const old = one.age_s > OLD_S ? t(" ({span} ago)", {span: span(one.age_s)}) : "";
-  return `${one.quantity} ${one.text}${old}`;
-}
-
 function liveOf(data) {
   if (pausing && !data.pause_requested) say("action-said", "");
   pausing = Boolean(data.pause_requested);
   buttons();
-  show("live", data.instruments.length > 0);
-  byId("live-values").replaceChildren(...data.instruments.map((one) => row(
-    one.instrument, one.set || "–", one.read.map(readText).join(", ") || "–")));
-  byId("interlocks").replaceChildren(...data.interlocks.map((one) => element(
-    "li", `${LOCK_WORDS[one.state]}: ${one.name}${one.said ? ": " + one.said : ""}`,
-    one.state === "clear" ? "good" : "bad")));
+  showLive(data);
 }
 
 function chime() {
@@ -131,68 +146,6 @@ function chime() {
     tone.start();
     tone.stop(context.currentTime + 0.3);
   } catch (error) { /* a browser without sound shows the title */ }
-}
-
-async function after() {
-  const response = await fetch(API + "results");
-  if (response.status === 409) { // the folder does not vouch for them any more
-    resultsShown = true;
-    show("notice", true);
-    say("notice", (await response.json()).error);
-  }
-  if (!response.ok) return;
-  resultsShown = true;
-  const data = await response.json();
-  show("after", true);
-  byId("verdict").replaceChildren(element("span", `${ICONS[data.verdict]} ${WORDS[data.verdict]}`, "verdict " + data.verdict));
-  byId("results").replaceChildren(...data.results.map((one) => row(
-    [one.name, one.axis].filter(Boolean).join(" "), number(one.value, one.expanded_uncertainty), number(one.expanded_uncertainty, one.expanded_uncertainty), one.unit,
-    one.limit ? Object.entries(one.limit).map(([key, value]) => `${key} ${value}`).join(", ") : "",
-    element("span", `${ICONS[one.verdict] || ""} ${VERDICTS[one.verdict] || one.verdict}`, "verdict " + one.verdict))));
-  byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
-  byId("report").href = API + "report";
-  ownPlots();
-}
-
-// The plots of the run's procedure, as its report has them.
-async function ownPlots() {
-  const response = await fetch(API + "plots");
-  if (!response.ok) return;
-  for (const part of await response.json()) {
-    const place = element("div", "", "plot");
-    place.setAttribute("role", "group");
-    place.setAttribute("aria-label", part.title);
-    byId("own-plots").append(element("h3", part.title), element("p", part.caption), place);
-    Plotly.newPlot(place, part.figure.data, part.figure.layout, {displayModeBar: false, responsive: true});
-  }
-}
-
-// A value is rounded to the second digit of its expanded uncertainty.
-function number(value, u) {
-  if (value === null || value === undefined) return t("undetermined");
-  if (!u) return String(Number(value.toPrecision(6)));
-  const digits = 1 - Math.floor(Math.log10(u));
-  return Math.abs(value) < 1e-4 || digits > 8 ? value.toExponential(Math.max(0, digits + Math.floor(Math.log10(Math.abs(value) || u)))) : value.toFixed(Math.max(0, digits));
-}
-
-function plotsOf(data) {
-  for (const [source, columns] of Object.entries(data)) {
-    const id = "plot-" + source.replace(/[^A-Za-z0-9]+/g, "-");
-    let place = byId(id);
-    if (!place) {
-      place = element("div", "", "plot");
-      place.id = id;
-      place.setAttribute("role", "group");
-      place.setAttribute("aria-label", t("{columns} over run time", {columns: `${source}: ${Object.keys(columns).join(", ")}`}));
-      byId("plots").append(place);
-    }
-    const lines = Object.entries(columns).map(([name, one]) => ({x: one.t.map((s) => s - (shown ? shown.began_s : 0)), y: one.v, name, mode: "lines"}));
-    const layout = {title: {text: source}, height: 260, margin: {t: 40, r: 10, b: 40, l: 70},
-                    xaxis: {title: {text: t("run time, s")}}, showlegend: lines.length > 1, uirevision: source};
-    Plotly.react(place, lines, layout, {displaylogo: false, responsive: true});
-    place.dataset.points = String(Math.max(...lines.map((line) => line.x.length)));
-    place.dataset.last = String(Math.max(...lines.map((line) => line.x[line.x.length - 1] || 0)));
-  }
 }
 
 async function wish(name, data) {
@@ -233,7 +186,7 @@ function unreadable(data) {
 
 function listen() {
   const news = new EventSource(API + "events");
-  for (const [name, use] of [["state", stateOf], ["live", liveOf], ["plots", plotsOf], ["unreadable", unreadable], ["beat", () => {}]]) {
+  for (const [name, use] of [["state", stateOf], ["live", liveOf], ["plots", showPlots], ["unreadable", unreadable], ["beat", () => {}]]) {
     news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
   }
   // A stream that was refused is not opened again by the browser.
@@ -243,6 +196,7 @@ function listen() {
     try { refused = (await fetch("/api/home")).status === 401; } catch (error) { /* not even that */ }
   });
 }
+new ResizeObserver(() => document.documentElement.style.setProperty("--bar-height", `${byId("bar").offsetHeight}px`)).observe(byId("bar"));
 listen();
 setInterval(() => {
   const lost = Date.now() - heardMs > SILENT_MS;

@@ -101,7 +101,7 @@ def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> Non
     picture = page.element("prompt-picture")
     assert int(picture.get_attribute("naturalWidth")) > 0
     assert "nothing is energised yet" in page.text("prompt-then")
-    ticked = 0
+    ticked, plots = 0, page.element("plots")
     while not page.text("verdict"):
         if not page.element("prompt").is_displayed():
             continue
@@ -121,9 +121,8 @@ def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> Non
     assert "simulated" in page.text("flags")
     report = page.element("report").get_attribute("href")
     assert served.get(report.removeprefix(served.url))[0] == 200
-    plots = page.driver.find_elements(By.CSS_SELECTOR, "#plots .plot")
-    assert len(plots) >= 2
-    assert all(1 < int(one.get_attribute("data-points")) <= 600 for one in plots)
+    assert int(plots.get_attribute("data-plots")) >= 2
+    assert 1 < int(plots.get_attribute("data-points")) <= 600
 
 
 @pytest.mark.campaign
@@ -211,18 +210,17 @@ def test_a_plot_moves_a_pause_holds_and_a_killed_run_is_shown(
             page.wait_for("runs", "SN-KILLED")
             page.driver.find_element(By.PARTIAL_LINK_TEXT, "SN-KILLED").click()
             page.wait_for("sentence", "running")
-            plot = "#plot-gyro-acquisition-counts-s"
-            page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, plot))
+            page.wait(lambda: page.element("plots").get_attribute("data-last"))
 
             def last() -> float:
-                shown = page.driver.find_element(By.CSS_SELECTOR, plot)
-                return float(shown.get_attribute("data-last"))
+                return float(page.element("plots").get_attribute("data-last"))
 
             before = last()
             page.wait(lambda: last() > before)
-            page.wait_for("live-values", "coil_supply.x")
-            page.wait_for("live-values", " mT")
-            page.wait_for("interlocks", "✔ clear: chain: ")
+            page.wait_for("tiles", "coil supply x · current")
+            page.wait_for("tiles", "mT")
+            page.wait_for("tiles", "°/h")
+            page.wait_for("interlocks", "✔ chain")
             assert page.accessibility_findings() == []
             os.kill(process.pid, signal.SIGKILL)
             page.wait_for("notice", "STATION ERROR")

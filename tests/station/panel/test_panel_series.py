@@ -51,9 +51,9 @@ def test_rows_that_came_together_keep_the_least_and_the_greatest() -> None:
 def test_the_field_is_plotted_in_the_unit_in_which_it_is_set(one_axis_run: Path) -> None:
     plots = RunSeries(one_axis_run)
     plots.look()
-    data = plots.data()
-    assert set(data["gaussmeter, mT"]) == {"x_mT", "y_mT", "z_mT"}
-    assert max(data["gaussmeter, mT"]["x_mT"]["v"]) == pytest.approx(1.0, abs=0.06)
+    (columns,) = (plot["columns"] for plot in plots.data() if plot["source"] == "gaussmeter")
+    assert set(columns) == {"x_mT", "y_mT", "z_mT"}
+    assert max(columns["x_mT"]["v"]) == pytest.approx(1.0, abs=0.06)
 
 
 def test_what_is_no_number_is_left_out() -> None:
@@ -76,14 +76,14 @@ def test_the_tail_of_a_raw_file_has_every_row_once(one_axis_run: Path, tmp_path:
     assert rows == sum(len(folder.rows("gyro_acquisition", unit)) for unit in units)
 
 
-def test_counts_are_shown_as_a_rate(one_axis_run: Path) -> None:
+def test_counts_are_shown_as_a_rate_in_its_own_unit(one_axis_run: Path) -> None:
     plots = RunSeries(one_axis_run)
     assert plots.look()
     assert not plots.look()
-    data = plots.data()
-    rate = data["gyro_acquisition, counts/s"]["counts"]["v"]
-    # 9.65 deg/h of the earth's rate, 0.0625 arcsec a pulse.
-    assert np.median(rate) == pytest.approx(9.65 / 0.0625, rel=0.05)
+    first = plots.data()[0]
+    assert (first["source"], first["unit"], first["device"]) == ("gyro_acquisition", "deg/h", True)
+    # What the gyro feels of the earth's rate, 0.0625 arcsec a pulse.
+    assert np.median(first["columns"]["rate_deg/h"]["v"]) == pytest.approx(9.65, rel=0.05)
 
 
 def test_counts_that_arrived_together_make_one_point_of_the_rate() -> None:

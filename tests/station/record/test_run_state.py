@@ -66,7 +66,15 @@ def test_what_a_resumed_run_left_unfinished_is_of_the_process_before() -> None:
     assert (resumed.state(held=True), resumed.state(held=False)) == ("running", "interrupted")
     assert resumed.process.failed is None
     assert list(resumed.units) == UNITS[:1]
-    assert resumed.steps() == [{"number": "S4", "title": "Record", "state": "waits"}]
+    (step,) = resumed.steps()
+    assert step == {
+        "number": "S4",
+        "title": "Record",
+        "state": "waits",
+        "began_s": None,
+        "took_s": None,
+        "expected_s": 80.0,
+    }
 
 
 def test_a_log_that_grows_folds_to_what_the_whole_log_does() -> None:

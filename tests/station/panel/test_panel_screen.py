@@ -1,0 +1,200 @@
+"""What a person sees of the panel: it fits the screen, speaks their language, keeps the focus."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from browser import Page, chromium
+from command_line import PLAN
+from panel_server import Served, panel
+from selenium.webdriver.common.by import By
+from served_bench import served_bench
+
+from station.record.run_names import runs_below, serial_of
+from station.record.series import RunSeries
+
+DESK, PHONE, WALL = (1280, 800), (390, 844), (3840, 2160)
+WITHIN = "return [document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+DRAWN = "return document.getElementById('plots').data.map((line) => [line.name, line.y])"
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Page]:
+    driver = chromium()
+    yield Page(driver)
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory, one_axis_run: Path) -> Iterator[Served]:
+    """A panel on one finished run."""
+    runs = tmp_path_factory.mktemp("panel") / "runs"
+    runs.mkdir()
+    subprocess.run(["cp", "-r", str(one_axis_run), str(runs)], check=True)
+    with panel(runs) as shown:
+        yield shown
+
+
+def size(page: Page, pixels: tuple[int, int]) -> None:
+    """Give the page the size of a screen."""
+    metrics = {"width": pixels[0], "height": pixels[1], "deviceScaleFactor": 1, "mobile": False}
+    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def extent(page: Page) -> tuple[int, int]:
+    """Return how wide and how high the page is, in pixels."""
+    width, height = page.driver.execute_script(WITHIN)
+    return int(width), int(height)
+
+
+def speak(page: Page, served: Served, language: str) -> None:
+    """Choose a language for this browser."""
+    page.driver.get(served.url)
+    page.driver.execute_script(f"document.cookie = 'station-language={language}; path=/'")
+
+
+def home(page: Page, served: Served, **asked: str) -> None:
+    """Open the first page, and wait until it is filled."""
+    page.driver.get(f"{served.url}/?{urlencode(asked)}")
+    page.wait(lambda: page.element("plan").find_elements(By.TAG_NAME, "option"))
+    page.wait(lambda: page.element("serial").is_displayed())
+
+
+def focused(page: Page) -> str:
+    """Return the id of the element that has the focus."""
+    return str(page.driver.switch_to.active_element.get_attribute("id"))
+
+
+def test_a_scan_goes_into_the_serial_number_whatever_the_page_is_doing(
+    page: Page, served: Served
+) -> None:
+    home(page, served)
+    assert focused(page) == "serial"
+    page.driver.execute_script("document.activeElement.blur()")
+    page.driver.switch_to.active_element.send_keys("SN-77")
+    assert page.element("serial").get_attribute("value") == "SN-77"
+    page.element("search").send_keys("0042")  # who writes elsewhere goes on there
+    assert page.element("serial").get_attribute("value") == "SN-77"
+
+
+def test_serial_numbers_of_a_list_follow_one_another(page: Page, served: Served) -> None:
+    home(page, served)
+    page.element("serial").send_keys("SN-1 SN-2 SN-3")
+    assert page.driver.execute_script("return wanted().serial") == "SN-1"
+    page.driver.execute_script("sessionStorage.setItem('station-serials', '[\"SN-2\", \"SN-3\"]')")
+    run = next(iter(runs_below(served.runs))).name
+    page.driver.get(f"{served.url}/run/{run}")
+    page.wait_for("again", "Next: SN-2, 1 more after it")
+    page.click("again")
+    page.wait(lambda: page.element("serial").get_attribute("value") == "SN-2 SN-3")
+    page.driver.execute_script("sessionStorage.clear()")
+
+
+def test_plans_stand_by_their_titles_and_only_those_that_may_be_started(
+    page: Page, served: Served
+) -> None:
+    home(page, served, plan="gyro-static-noise")
+    options = [option.text for option in page.element("plan").find_elements(By.TAG_NAME, "option")]
+    assert "Acceptance test, three axes (rlg-magnetic-sensitivity)" in options
+    assert page.element("plan").get_attribute("value") == "gyro-static-noise"
+    page.wait_for("benches", "calibration due in")
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("language", ["en", "zh"])
+@pytest.mark.parametrize("theme", ["light", "dark", "contrast"])
+def test_every_look_and_language_of_both_pages_can_be_read(
+    page: Page, served: Served, language: str, theme: str
+) -> None:
+    speak(page, served, language)
+    page.driver.execute_script(f"localStorage.setItem('station-theme', '{theme}')")
+    run = next(iter(runs_below(served.runs))).name
+    for path in ("/", f"/run/{run}"):
+        page.driver.get(served.url + path)
+        page.wait_for(
+            "runs" if path == "/" else "results",
+            serial_of(served.runs / run) if path == "/" else "IA",
+        )
+        for pixels in (DESK, PHONE, WALL):
+            size(page, pixels)
+            assert extent(page)[0] <= pixels[0], (path, pixels)
+            assert page.accessibility_findings() == [], (path, pixels)
+    page.driver.execute_script("localStorage.removeItem('station-theme')")
+    speak(page, served, "en")
+    size(page, DESK)
+
+
+def test_a_result_stands_in_the_band_of_its_limits(page: Page, served: Served) -> None:
+    run = next(iter(runs_below(served.runs))).name
+    page.driver.get(f"{served.url}/run/{run}")
+    page.wait_for("results", "magnetic_sensitivity IA")
+    page.wait_for("to-do", "Switch the device off before you take it out")
+    (bullet,) = page.driver.find_elements(By.CSS_SELECTOR, "#results .bullet")
+    assert "within |x| ≤ 0.1" in str(bullet.get_attribute("aria-label"))
+
+
+def test_the_results_of_a_device_are_drawn_from_run_to_run(page: Page, served: Served) -> None:
+    home(page, served)
+    page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#runs button"))
+    page.driver.find_element(By.CSS_SELECTOR, "#runs button").click()
+    page.wait_for("trend", "magnetic_sensitivity IA")
+    assert len(page.driver.find_elements(By.CSS_SELECTOR, "#trend circle")) == 1
+
+
+@pytest.mark.campaign
+def test_a_live_run_fits_the_desk_and_shows_what_matters(
+    page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No scrolling at 1280 x 800; tiles, plots up to the sine's peak, steps with their times."""
+    monkeypatch.setenv("CI", "true")
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(PLAN, encoding="utf-8")
+    with served_bench(tmp_path, speed=20.0) as (at, _), panel(tmp_path / "runs") as served:
+        command = [sys.executable, "-m", "station", "run", str(plan), "--served", str(at)]
+        process = subprocess.Popen(
+            [*command, "--non-interactive", "--output", str(served.runs)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            size(page, DESK)
+            home(page, served)
+            page.wait_for("runs", "SN-1")
+            page.driver.find_element(By.PARTIAL_LINK_TEXT, "SN-1").click()
+            page.wait_for("tiles", "gaussmeter · field")
+            page.wait_for("tiles", "°/h")
+            page.wait(lambda: field_peak_mT(page) > 0.9)
+            assert extent(page) == DESK
+            for name in ("abort", "pause", "left", "ends", "tiles", "plots", "steps", "interlocks"):
+                box = page.element(name).rect
+                assert box["height"] > 0 and box["y"] + box["height"] <= DESK[1], name
+            assert "counts" not in page.text("tiles")
+            assert page.driver.find_elements(By.CSS_SELECTOR, "#tiles .near b")
+            done = page.driver.find_element(By.CSS_SELECTOR, "#steps .done .took")
+            assert done.text.endswith("s")
+            assert page.accessibility_findings() == []
+            page.wait_for("steps", "S5")
+            shown_mT = field_peak_mT(page)
+            page.wait_for("verdict", "PASS", 120.0)
+            assert process.wait(60.0) == 0
+        finally:
+            process.kill()
+            process.wait()
+        series = RunSeries(next(iter(runs_below(served.runs))))
+        series.look()
+        recorded_mT = max(most for _, column, (_, _, most) in series.ranges() if column == "x_T")
+        assert shown_mT == pytest.approx(1e3 * recorded_mT, rel=0.02)
+
+
+def field_peak_mT(page: Page) -> float:
+    """Return the largest field that is drawn; 0 where none is yet."""
+    drawn: list[tuple[str, list[Any]]] = page.driver.execute_script(DRAWN) or []
+    values = [value for name, line in drawn if "mT" in name for value in line if value is not None]
+    return float(np.max(np.abs(values), initial=0.0))
