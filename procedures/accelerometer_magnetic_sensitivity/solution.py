@@ -87,7 +87,7 @@ def _best_of(rows: Rows, kept_names: tuple[str, ...], settings: AnalysisSettings
     mean = averaged(best, rows)
     # An average may leave so much that what groups share is hidden, or leave more of it.
     shared = (misfit(best, rows.groups), misfit(mean, rows.groups))
-    worst = max((one for one in shared if one), key=lambda one: one.ratio, default=None)
+    worst = max(filter(None, shared), key=lambda misfit: misfit.ratio, default=None)
     mean = replace(mean, solution=replace(mean.solution, misfit=worst))
     return with_doubt(mean, rows, known)
 

@@ -9,10 +9,13 @@ from threading import Event
 import numpy as np
 import pytest
 
+from station import registry
 from station.clock import VirtualClock, boot_seconds
 from station.control import run_reader
 from station.control.run_reader import LiveValues
 from station.errors import StationError
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import read_bench
 from station.runner.live import LiveBoard
 from station.safety.interlocks.monitor import InterlockLook
 from station.safety.readings import Readings
@@ -22,22 +25,34 @@ from station.units import shown
 @pytest.fixture
 def board() -> LiveBoard:
     clock = VirtualClock()
-    return LiveBoard(clock, Readings(clock))
+    bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
+    return LiveBoard(clock, Readings(clock), bench)
 
 
 def test_a_set_point_stands_beside_what_its_instrument_reads_back(board: LiveBoard) -> None:
-    board.commanded("coil_supply_x", "1 A, at rest")
-    board.commanded("coil_supply_x", "0.5 mT at 2 Hz")
-    board._readings.publish("coil_supply_x", "current", 0.49987, "A")
-    board._readings.publish("coil_supply_x", "output", "on")
+    board.commanded("coil_supply.x", "1 A, at rest", {"current_A": 1.0})
+    board.commanded("coil_supply.x", "0.5 mT at 2 Hz", {"current_A": 0.5, "field_mT": 0.15})
+    board._readings.publish("coil_supply.x", "current", 0.49987, "A")
+    board._readings.publish("coil_supply.x", "output", "on")
+    board._readings.publish("gaussmeter", "field", 1e-3, "T")
     board.interlocks = lambda: [InterlockLook("chain", "clear", "the chain is closed")]
     data = board.data()
-    (one,) = data["instruments"]
-    assert (one["instrument"], one["set"]) == ("coil_supply_x", "0.5 mT at 2 Hz")
-    assert [(each["quantity"], each["text"]) for each in one["read"]] == [
-        ("current", "500 mA"),
-        ("output", "on"),
-    ]
+    supply, gaussmeter = data["instruments"]
+    assert (supply["instrument"], supply["set"]) == ("coil_supply.x", "0.5 mT at 2 Hz")
+    current, output = supply["read"]
+    assert current == {
+        "quantity": "current",
+        "text": "500 mA",
+        "age_s": 0.0,
+        "unit": "A",
+        "value": 0.49987,
+        "set": 0.5,
+        "limit": 8.0,  # of the bench file; the interlock trips beyond it
+    }
+    assert output == {"quantity": "output", "text": "on", "age_s": 0.0}
+    # The gaussmeter has no limit of its own: that of its interlock.
+    assert gaussmeter["read"][0]["limit"] == 60.0
+    assert (gaussmeter["read"][0]["value"], gaussmeter["read"][0]["unit"]) == (1.0, "mT")
     assert data["interlocks"] == [
         {"name": "chain", "state": "clear", "said": "the chain is closed"}
     ]
