@@ -7,7 +7,7 @@ import math
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Event, Thread
@@ -18,8 +18,9 @@ from station.cli.validating import read_bench_named, read_served
 from station.clock import RealClock
 from station.control.signals import wishes
 from station.errors import EXIT_DONE, EXIT_FAULT, InputError
+from station.instruments.bench import Bench
 from station.instruments.instrument_locks import InstrumentLocks
-from station.instruments.opening import explained, probe
+from station.instruments.opening import Probe, explained, probe
 from station.instruments.scan import draft, scan
 from station.procedure import procedure_of
 from station.runner.session import BenchSession, serve_bench
@@ -31,20 +32,24 @@ LOOKS_EVERY_S = 0.2
 def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
     """Identify every instrument of a bench; exit code 3 when one is missing or wrong."""
     bench = read_bench_named(bench_name)
-    locks = InstrumentLocks("`station identify`")
-    with BenchSession(bench, mounted) as session, session.clock.participant("run"):
-        taken = None if session.here else locks
-        probes = [
-            probe(instance, bench, session.addresses, session.clock, taken)
-            for instance in bench.instruments
-        ]
-    rows = explained(bench, probes)
+    rows = identified(bench, mounted, bench.instruments, "`station identify`")
     if as_json:
         print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
     else:
         for row in rows:
             print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
     return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT
+
+
+def identified(bench: Bench, mounted: str, names: Iterable[str], who: str) -> list[Probe]:
+    """Ask instruments of a bench who they are; nothing is set. `who` asks, for others to read."""
+    locks = InstrumentLocks(who)
+    with BenchSession(bench, mounted) as session, session.clock.participant("run"):
+        taken = None if session.here else locks
+        return explained(
+            bench,
+            [probe(name, bench, session.addresses, session.clock, taken) for name in names],
+        )
 
 
 def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_json: bool) -> int:

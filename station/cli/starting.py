@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from station.cli.attaching import begin_detached
+from station.cli.instruments import identified
 from station.cli.validating import read_bench_named, read_plan_for
 from station.errors import InputError, StationError
 from station.files.faults import FaultList
 from station.panel.access import Role
 from station.panel.starting import Wanted
+from station.procedure import procedure_of
 from station.runner.dry_run import walk
 
 
@@ -36,6 +38,14 @@ class DetachedRuns:
                 f"the plan {wanted.plan} is not released (`released: true` in the plan); an "
                 "engineer may start it"
             )
+        if bench.simulation is None:  # what is simulated answers
+            used = procedure_of(plan.procedure).walk(plan.parameters).instruments
+            asked = identified(bench, plan.procedure, used, "`station panel`, before a run")
+            faults += [
+                f"{answer.name}: {answer.said.removeprefix(f'{answer.name}: ')}"
+                for answer in asked
+                if not answer.ok
+            ]
         return {
             "faults": faults,
             **walked.to_data(),
