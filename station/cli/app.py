@@ -164,6 +164,7 @@ def resume(
     answers: Answers = None,
     non_interactive: NonInteractive = False,
     trace: Traced = False,
+    rehearse: Rehearsed = False,
     json: Json = False,
 ) -> None:
     """Resume an interrupted or paused run."""
@@ -179,6 +180,7 @@ def resume(
             non_interactive=non_interactive,
             trace=trace,
             as_json=json,
+            rehearse=rehearse,
         )
     )
 

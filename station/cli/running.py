@@ -263,6 +263,7 @@ def resume_run(
     non_interactive: bool,
     trace: bool,
     as_json: bool,
+    rehearse: bool = False,
 ) -> int:
     """Go on with a run: one that is paused in another process, or one that ended too early."""
     if not (folder / EVENTS).is_file():
@@ -283,6 +284,7 @@ def resume_run(
         interactive=may_ask(non_interactive=non_interactive, attached=announce is not None),
         served=read_served(served) if served else None,
         trace=trace,
+        rehearse=rehearse,
         announce=announce,
     )
     outcome = resume(request)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,11 @@ from station.files.faults import FaultList
 from station.panel.access import Role
 from station.panel.starting import Wanted
 from station.procedure import procedure_of
+from station.record.folder import RunFolder
+from station.recorded import read_plan_and_bench
 from station.runner.dry_run import walk
+
+CERTIFICATE_WITHIN_S = 120.0
 
 
 class DetachedRuns:
@@ -67,4 +73,22 @@ class DetachedRuns:
 
     def resume(self, folder: Path) -> None:
         """Go on with a run; raises InputError with what is wrong."""
-        begin_detached(["resume", str(folder)])
+        _, bench = read_plan_and_bench(RunFolder(folder))
+        rehearse = ["--rehearse"] if bench.simulation is not None else []
+        begin_detached(["resume", str(folder), *rehearse])
+
+    def certificate(self, folder: Path, language: str) -> Path:
+        """Make the certificate of a run as PDF and return it; raises InputError.
+
+        A process of its own draws it: the panel's does not grow by what it needs.
+        """
+        asked = ["report", str(folder), "--kind", "certificate", "--format", "pdf"]
+        made = subprocess.run(
+            [sys.executable, "-m", "station", *asked, "--lang", language],
+            capture_output=True,
+            text=True,
+            timeout=CERTIFICATE_WITHIN_S,
+        )
+        if made.returncode:
+            raise InputError(made.stderr.strip() or "the certificate was not made")
+        return Path(made.stdout.splitlines()[-1])

@@ -76,6 +76,7 @@ class Panel:
             Route("/api/run/{run}/events", self.events),
             Route("/api/run/{run}/results", self.results),
             Route("/api/run/{run}/report", self.report),
+            Route("/api/run/{run}/certificate", self.certificate),
             Route("/api/run/{run}/plots", self.plots),
             Route("/api/run/{run}/picture/{name}", self.picture),
             Route("/api/run/{run}/resume", self.resume, methods=["POST"]),
@@ -204,6 +205,12 @@ class Panel:
             return JSONResponse({"error": "this run has no report"}, 404)
         refuse_unproven(path.parent, REPORT)
         return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
+
+    def certificate(self, request: Request) -> Response:
+        """Return the certificate of a run as PDF, made now; a draft says why it is one."""
+        folder = self.folder(request)
+        made = self._starting.certificate(folder, language_of(request))
+        return FileResponse(made, media_type="application/pdf")
 
     def plots(self, request: Request) -> Response:
         """Return the plots of a run's procedure, each as a Plotly figure with its sentences."""

@@ -57,3 +57,7 @@ class Starting(Protocol):
     def resume(self, folder: Path) -> None:
         """Go on with a run; raises InputError with what is wrong."""
         ...
+
+    def certificate(self, folder: Path, language: str) -> Path:
+        """Make the certificate of a run as PDF and return it; raises InputError."""
+        ...

@@ -66,6 +66,7 @@ class ResumeRequest:
     report: bool = True
     served: Mapping[str, Any] | None = None
     trace: bool = False
+    rehearse: bool = False
     announce: Path | None = None
     """A file to write the run folder into: this process is detached, and has no terminal."""
 
@@ -109,6 +110,7 @@ def resume(request: ResumeRequest) -> Outcome:
             request.answers,
             interactive=request.interactive,
             act=session.act_again,
+            rehearse=request.rehearse,
             detached=request.announce is not None,
         )
         past = past_of(folder, again=session.here)

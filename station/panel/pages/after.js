@@ -34,7 +34,10 @@ async function after() {
   byId("verdict").replaceChildren(element("span", `${ICONS[data.verdict]} ${WORDS[data.verdict]}`, "verdict " + data.verdict));
   byId("results").replaceChildren(...data.results.map(resultRow));
   byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
+  show("report", true);
   byId("report").href = API + "report";
+  show("certificate", true);
+  byId("certificate").href = API + "certificate";
   ownPlots();
 }
 

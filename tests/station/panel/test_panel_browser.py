@@ -93,6 +93,11 @@ def test_no_ends_the_run_with_a_safe_bench(page: Page, served: Served) -> None:
     assert page.accessibility_findings() == []
     assert "NOT VERIFIED" not in page.text("safe")
     assert read_status(run).bench_safe
+    page.wait_for("to-do", "resume the run")
+    page.click("resume")
+    page.wait_for("prompt-text", "The run goes on where it stopped")
+    page.click("answer-abort")
+    page.wait_for("notice", "did not finish")
 
 
 @pytest.mark.campaign

@@ -140,6 +140,13 @@ def test_a_result_stands_in_the_band_of_its_limits(page: Page, served: Served) -
     assert "within |x| ≤ 0.1" in str(bullet.get_attribute("aria-label"))
 
 
+def test_the_certificate_of_a_run_is_made_when_it_is_asked_for(served: Served) -> None:
+    run = next(iter(runs_below(served.runs)))
+    status, text = served.get(f"/api/run/{run.name}/certificate")
+    assert (status, text[:5]) == (200, "%PDF-")
+    assert (run / "exports" / "certificate.pdf").is_file()
+
+
 def test_the_results_of_a_device_are_drawn_from_run_to_run(page: Page, served: Served) -> None:
     home(page, served)
     page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#runs button"))
