@@ -115,8 +115,11 @@ function showPlots(series) {
     });
   });
   if (!count) return;
-  Plotly.react(place, data, layout, {displaylogo: false, displayModeBar: false, responsive: true});
+  Plotly.react(place, data, layout, {displaylogo: false, displayModeBar: false});
   place.dataset.plots = String(count);
   place.dataset.points = String(Math.max(...data.map((line) => line.x.length)));
   place.dataset.last = String(Math.max(...data.map((line) => line.x[line.x.length - 1] || 0)));
 }
+
+// The place changes with the header, not with the window alone.
+new ResizeObserver(() => { if (byId("plots").layout) Plotly.Plots.resize(byId("plots")); }).observe(byId("plots"));

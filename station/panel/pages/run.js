@@ -7,7 +7,7 @@ const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
 const READS_MS = 1000;
 const AGAIN_MS = 2000;
 const ANSWERS_MS = 3000;
-let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false, damage = "", refused = false, shown = null;
+let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false, damage = "", refused = false, shown = null, stepSeen = null;
 
 function stateOf(data) {
   shown = data;
@@ -62,6 +62,9 @@ function showSteps(data) {
     if (one.state === "now") made.setAttribute("aria-current", "step");
     return made;
   }));
+  const now = byId("steps").querySelector("[aria-current]"), number = now && data.steps[at].number;
+  if (now && number !== stepSeen) now.scrollIntoView({block: "nearest"});
+  stepSeen = number;
   byId("timeline").replaceChildren(...data.steps.map((one) => {
     const part = element("span"), expected = one.expected_s || 0;
     part.style.flexGrow = String(Math.max(one.took_s ?? expected, 1));
