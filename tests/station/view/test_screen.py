@@ -16,7 +16,7 @@ QUESTIONS = (
     "[connect-cables] Enter",
     "[dut-power-on]",
 )
-PARTS = ("RLG-50 SN-1", "unit of work ", "interlocks", "read back", "counts/s so far")
+PARTS = ("RLG-50 SN-1", "unit of work ", "interlocks", "read back", "deg/h so far")
 
 
 def wait_for_line(terminal: OnTerminal, text: str) -> None:
