@@ -1,22 +1,34 @@
-"""The languages that people read: English stands in the code, others in `catalogues/`.
+"""The languages that people read: English stands in the code, others in catalogues.
 
 An English sentence is the key of its translation, so that English costs nothing; a sentence that a
-catalogue lacks is shown in English. What machines read is English in every language.
+catalogue lacks is shown in English. What machines read is English in every language, and so is all
+that is recorded: translated is what is shown.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
 
-ENGLISH, PANEL, REPORT = "en", "panel", "report"
+from station import registry
+
+ENGLISH, PANEL, REPORT, RUN = "en", "panel", "report", "run"
 SHORT = 8
 """So long are the names of axes, of coefficients, and numbers at most."""
 FOLDER = Path(__file__).parent / "catalogues"
-PLACE = re.compile(r"\\{(\w+)\\}")
-"""The place of a value in a sentence that is escaped for a regular expression."""
+OF_PACKAGE = "texts"
+"""The folder, in the package of a procedure, of its own catalogues: `texts/zh.json`."""
+PLACE = re.compile(r"\{(\w+)\}")
+"""The place of a value in a sentence."""
+NUMBER, INSTRUMENT = "n", "instrument"
+"""What only a number fills; and, at the beginning, only the name of an instrument."""
+REMEMBERED = 5000
+"""Sentences of a language whose translation is not looked for again."""
+LONGEST = 2000
+"""Signs of a text of which a translation is looked for."""
 
 
 def languages() -> tuple[str, ...]:
@@ -26,7 +38,10 @@ def languages() -> tuple[str, ...]:
 
 @cache
 def catalogue(language: str, room: str) -> dict[str, str]:
-    """Return the translation of each English sentence of the panel or report; none for English."""
+    """Return the translation of each English sentence of a room of the station; none for English.
+
+    The rooms are the panel's own pages, reports, and what runs say.
+    """
     if language == ENGLISH:
         return {}
     file = FOLDER / language / f"{room}.json"
@@ -34,51 +49,135 @@ def catalogue(language: str, room: str) -> dict[str, str]:
     return texts
 
 
+def of_packages(language: str) -> Iterator[tuple[str, str]]:
+    """Yield what the packages of procedures say in a language, a laboratory's own among them.
+
+    What is wrong with a catalogue costs its own sentences alone: they are shown in English.
+    """
+    for procedure in registry.names(registry.PROCEDURES):
+        folder = registry.folder_of(registry.PROCEDURES, procedure)
+        try:
+            file = (folder or FOLDER) / OF_PACKAGE / f"{language}.json"
+            texts = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue
+        for english, other in texts.items() if isinstance(texts, dict) else ():
+            if isinstance(other, str) and is_sound(english, other):
+                yield english, other
+
+
+def is_sound(english: str, other: str) -> bool:
+    """Return whether a sentence has words, and its translation the same values, each once."""
+    names = places(english)
+    has_words = bool(PLACE.sub("", english).strip())
+    return has_words and names == places(other) and len(names) == len({*names})
+
+
+def places(text: str) -> list[str]:
+    """Return the names of the values in a sentence, in the order of the alphabet."""
+    return sorted(PLACE.findall(text))
+
+
+@cache
+def whole(language: str) -> dict[str, str]:
+    """Return all that is translated into a language; the station's own rooms count first.
+
+    Of the panel's pages only what holds no value: "{a} of {b}" would be found in any sentence.
+    """
+    pages = catalogue(language, PANEL).items()
+    return {
+        **dict(of_packages(language)),
+        **{english: other for english, other in pages if not PLACE.search(english)},
+        **catalogue(language, RUN),
+        **catalogue(language, REPORT),
+    }
+
+
+class Pattern:
+    """A sentence that holds values."""
+
+    def __init__(self, english: str, other: str) -> None:
+        self.other = other
+        self._parts = PLACE.split(english)[::2]
+        self.letters = len("".join("".join(self._parts).split()))
+        """So many of its signs are not values."""
+        names, parts = PLACE.findall(english), [re.escape(part) for part in self._parts]
+        self.begins = "" if self._parts[0] else names[0]
+        """The value with which it begins."""
+        values = [
+            f"(?P<{name}>{'[-+]?[0-9.]+' if name == NUMBER else '.+?'}){part}"
+            for name, part in zip(names, parts[1:], strict=True)
+        ]
+        self._pattern = re.compile("".join((parts[0], *values)), re.DOTALL)
+
+    def may_begin(self, value: str, translation: str) -> bool:
+        """Return whether a value may stand at the beginning; any sentence may hold "at"."""
+        if self.begins == INSTRUMENT:
+            from station.roles.role import role, role_of
+
+            return role(role_of(value)) is not None
+        is_short = len(value) <= max(SHORT, 2 * self.letters)
+        return is_short or value != translation or not any(sign.isalpha() for sign in value)
+
+    def values(self, text: str) -> dict[str, str]:
+        """Return the values of a text; none where it is another sentence."""
+        if not all(part in text for part in self._parts):
+            return {}
+        match = self._pattern.fullmatch(text)
+        return match.groupdict() if match else {}
+
+
+@cache
+def translator(language: str) -> Callable[[str], str]:
+    """Return what translates into a language; a text that no catalogue knows stays English."""
+    exact: Mapping[str, str] = whole(language)
+    patterns = [Pattern(english, other) for english, other in exact.items() if "{" in english]
+    # What a run says of a unit of work, or of a request, holds a sentence of the procedure's own.
+    outer = catalogue(language, RUN).values()
+    patterns.sort(key=lambda pattern: (pattern.other not in outer, -pattern.letters))
+
+    @lru_cache(maxsize=REMEMBERED)
+    def translated(text: str) -> str:
+        for known in (text, text.replace("_", " ")):
+            if known in exact:
+                return exact[known]
+        if (several := listed(text, "; ")) is not None:
+            return several
+        for pattern in patterns:
+            given = pattern.values(text)
+            values = {name: translated(value) for name, value in given.items()}
+            begins = given.get(pattern.begins, "")
+            if values and pattern.may_begin(begins, values.get(pattern.begins, "")):
+                return pattern.other.format(**values)
+        several = listed(text.replace(", and ", ", ").replace(" and ", ", "), ", ")
+        return text if several is None else several
+
+    def listed(text: str, joint: str) -> str | None:
+        """Return a list of what is known in the language; None for what is no such list."""
+        parts = text.split(joint)
+        others = [translated(part) for part in parts] if len(parts) > 1 else parts
+        if any(other == part for other, part in zip(others, parts, strict=True)):
+            return None
+        return exact.get(joint, joint).join(others)
+
+    return translated
+
+
 class Texts:
-    """The texts of a report in a language, or in two of which the first stands above the second.
+    """The texts of a language, or of two of which the first stands above the second.
 
     `wanted` names them, such as `zh` or `zh+en`.
     """
 
     def __init__(self, wanted: str = ENGLISH) -> None:
         self.languages = tuple(wanted.split("+"))
-        self._exact = [catalogue(language, REPORT) for language in self.languages]
-        self._patterns = [_patterns(texts) for texts in self._exact]
 
     def __call__(self, text: str) -> str:
         """Return a text in the languages, one to a line; English where there is no translation."""
         inner = text.strip()
-        if self.languages == (ENGLISH,) or not inner:
+        if self.languages == (ENGLISH,) or not inner or len(inner) > LONGEST:
             return text
-        pairs = zip(self._exact, self._patterns, strict=True)
-        return "\n".join(dict.fromkeys(self._translated(inner, *pair) for pair in pairs))
-
-    def _translated(
-        self, text: str, exact: dict[str, str], patterns: list[tuple[re.Pattern[str], str]]
-    ) -> str:
-        if text in exact:
-            return exact[text]
-        for pattern, translation in patterns:
-            if match := pattern.fullmatch(text):
-                values = {
-                    name: self._translated(value, exact, patterns)
-                    for name, value in match.groupdict().items()
-                }
-                begins = next((name for name, at in match.re.groupindex.items() if at == 1), "")
-                # Any sentence may hold "at": a value at its beginning is short, or known itself.
-                known = values[begins] != match[begins] or len(match[begins]) <= SHORT
-                if match.start(begins) > 0 or known:
-                    return translation.format(**values)
-        return text
-
-
-def _patterns(texts: dict[str, str]) -> list[tuple[re.Pattern[str], str]]:
-    """Return the sentences that hold values, as patterns with the translation of each."""
-    return [
-        (re.compile(PLACE.sub(r"(?P<\1>.+?)", re.escape(english)), re.DOTALL), other)
-        for english, other in texts.items()
-        if "{" in english
-    ]
+        return "\n".join(dict.fromkeys(translator(language)(inner) for language in self.languages))
 
 
 IN_ENGLISH = Texts()

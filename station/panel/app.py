@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from importlib.resources import files
 from pathlib import Path
 from threading import Lock
@@ -27,6 +27,7 @@ from station.panel.figures import figure_of
 from station.panel.overview import MAX_RUNS, benches, counts, device, plans
 from station.panel.run_requests import REQUESTS, RunRequests
 from station.panel.starting import Starting, Wanted
+from station.panel.translating import ANSWER, ERROR, HOME, LOOK, OF_RESULTS, translated
 from station.panel.watching import RunWatch, Streams
 from station.parts import parts_of_text
 from station.plots import Plot
@@ -34,7 +35,7 @@ from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
 from station.record.verification import refuse_unproven
-from station.texts import PANEL, Texts, catalogue, languages, preferred
+from station.texts import ENGLISH, PANEL, Texts, catalogue, languages, preferred
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
@@ -120,14 +121,13 @@ class Panel:
         peer = peer_of(request)
         wait_s = self._turns.take(peer, boot_seconds())
         if wait_s is None:
-            return JSONResponse(
-                {"error": "too many wrong tokens came from this computer; wait"}, 429
-            )
+            wait = {"error": "too many wrong tokens came from this computer; wait"}
+            return said(request, wait, ERROR, 429)
         await asyncio.sleep(wait_s)
         logged_in = self._access.log_in(token)
         if logged_in is None:
             await asyncio.sleep(GUESS_EVERY_S)
-            return JSONResponse({"error": "this token is not known here"}, 403)
+            return said(request, {"error": "this token is not known here"}, ERROR, 403)
         self._turns.was_right(peer)
         session, role = logged_in
         response = JSONResponse({"role": role})
@@ -142,7 +142,7 @@ class Panel:
         role, asked = self.role(request), request.query_params
         search, plan = asked.get("search", "")[:200], asked.get("plan", "")[:200]
         overview = await run_in_threadpool(self.overview, search, plan, role)
-        return JSONResponse({"role": role, **overview})
+        return said(request, {"role": role, **overview}, HOME)
 
     def overview(self, search: str, plan: str, role: Role) -> dict[str, Any]:
         """Return benches, plans and runs; one look at the files does for all who ask at once."""
@@ -164,7 +164,8 @@ class Panel:
     async def device(self, request: Request) -> Response:
         """Return how the results of a device went from run to run."""
         serial = request.query_params.get("serial", "")[:200]
-        return JSONResponse(await run_in_threadpool(device, self._runs, serial))
+        trends = await run_in_threadpool(device, self._runs, serial)
+        return said(request, trends, OF_RESULTS)
 
     async def resume(self, request: Request) -> Response:
         """Go on with a run that ended before its end."""
@@ -175,9 +176,8 @@ class Panel:
     async def look(self, request: Request) -> Response:
         """Return what a run would do."""
         wanted = Wanted.of(await body(request))
-        return JSONResponse(
-            await run_in_threadpool(self._starting.look, wanted, self.role(request))
-        )
+        looked = await run_in_threadpool(self._starting.look, wanted, self.role(request))
+        return said(request, looked, LOOK)
 
     async def start(self, request: Request) -> Response:
         """Begin a run."""
@@ -187,8 +187,9 @@ class Panel:
 
     async def events(self, request: Request) -> Response:
         """Return the news of a run as server-sent events, for as long as the browser listens."""
-        watch = self.watch(self.folder(request))
-        return StreamingResponse(self._streams.news(request, watch), media_type="text/event-stream")
+        watch, texts = self.watch(self.folder(request)), Texts(language_of(request))
+        news = self._streams.news(request, watch, texts)
+        return StreamingResponse(news, media_type="text/event-stream")
 
     def results(self, request: Request) -> Response:
         """Return the results of a run."""
@@ -196,7 +197,9 @@ class Panel:
         if not is_own_file(path):
             return JSONResponse({"error": "this run has no results"}, 404)
         refuse_unproven(path.parent)
-        return FileResponse(path, media_type="application/json")
+        if language_of(request) == ENGLISH:
+            return FileResponse(path, media_type="application/json")
+        return said(request, json.loads(path.read_text(encoding="utf-8")), OF_RESULTS)
 
     def report(self, request: Request) -> Response:
         """Return the report of a run, which may run nothing."""
@@ -252,7 +255,8 @@ class Panel:
         folder, data = self.folder(request), await body(request)
         details = {key: str(value)[:1000] for key, value in data.items() if key in ("id", "text")}
         details["by"] = f"the panel's abort ({self.role(request)} at {peer_of(request)})"
-        return JSONResponse(await run_in_threadpool(self._wishes.pass_on, folder, wish, details))
+        word = await run_in_threadpool(self._wishes.pass_on, folder, wish, details)
+        return said(request, word, ANSWER)
 
 
 async def body(request: Request) -> dict[str, Any]:
@@ -264,6 +268,11 @@ async def body(request: Request) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise StationError("an action is a JSON mapping")
     return data
+
+
+def said(request: Request, data: Any, names: Collection[str], status: int = 200) -> Response:
+    """Return data with what stands under some names in the language of whoever asks."""
+    return JSONResponse(translated(data, Texts(language_of(request)), names), status)
 
 
 def page(name: str) -> Callable[[Request], Response]:
@@ -292,6 +301,6 @@ def plotly(_: Request) -> Response:
     return FileResponse(PLOTLY / "plotly.min.js", headers={"Cache-Control": "max-age=86400"})
 
 
-def refused(_: Request, error: Exception) -> Response:
+def refused(request: Request, error: Exception) -> Response:
     """Return a sentence that says what is wrong."""
-    return JSONResponse({"error": str(error)}, 409)
+    return said(request, {"error": str(error)}, ERROR, 409)

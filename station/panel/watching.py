@@ -1,6 +1,7 @@
 """One run as the panel shows it, read from its growing files, and its news to browsers.
 
-Any number of viewers share it; they get server-sent events, few streams at a time to one computer.
+Any number of viewers share it, those of one language its texts; they get server-sent events, few
+streams at a time to one computer.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from starlette.requests import Request
 
 from station.clock import boot_seconds
 from station.control.run_reader import DAMAGE, RunReader
+from station.panel.translating import LIVE, STATE, translated
 from station.record.run_list import again
 from station.record.series import RunSeries
+from station.texts import ENGLISH, IN_ENGLISH, Texts
 
 LOOKS_EVERY_S = 0.1
 """Real time between two looks at the files, however many viewers there are."""
@@ -28,6 +31,8 @@ PLOTS_EVERY_S = 0.5
 PLOTS_WITHIN_S = 0.5
 """Real time for one look at the raw files: what else the page shows does not wait for them."""
 WHOLE = json.dumps({"message": ""})
+SAID = {"state": STATE, "live": LIVE, "unreadable": ("message",)}
+"""Under which names the news hold texts that people read."""
 
 
 class RunWatch:
@@ -43,8 +48,10 @@ class RunWatch:
         self._key = token_hex(4)
         self._texts = {"state": "", "live": "", "plots": "", "unreadable": WHOLE}
         self._versions = dict.fromkeys(self._texts, 0)
+        self._translated: dict[tuple[str, str], tuple[int, str]] = {}
+        """Version and text of each kind of news in each language but English."""
 
-    def news(self, seen: dict[str, int]) -> Iterator[tuple[str, str]]:
+    def news(self, seen: dict[str, int], texts: Texts = IN_ENGLISH) -> Iterator[tuple[str, str]]:
         """Yield each kind of news that is new since `seen`, with its text."""
         with self._lock:
             now_s = boot_seconds()
@@ -54,7 +61,17 @@ class RunWatch:
             for name, version in self._versions.items():
                 if version > seen.get(name, 0):
                     seen[name] = version
-                    yield name, self._texts[name]
+                    yield name, self._text(name, texts)
+
+    def _text(self, name: str, texts: Texts) -> str:
+        """Return news in a language; whoever asks first has them translated for all."""
+        language, version = texts.languages[0], self._versions[name]
+        if language == ENGLISH or name not in SAID:
+            return self._texts[name]
+        if self._translated.get((name, language), (0, ""))[0] != version:
+            data = translated(json.loads(self._texts[name]), texts, SAID[name])
+            self._translated[name, language] = version, json.dumps(data, allow_nan=False)
+        return self._translated[name, language][1]
 
     def _look(self, now_s: float) -> None:
         """Read what was added; a folder that cannot be read is said to be so."""
@@ -114,7 +131,7 @@ class Streams:
     def __init__(self) -> None:
         self._open: Counter[str] = Counter()
 
-    async def news(self, request: Request, watch: RunWatch) -> AsyncIterator[str]:
+    async def news(self, request: Request, watch: RunWatch, texts: Texts) -> AsyncIterator[str]:
         """Yield what is new since the browser's last event, for as long as it listens."""
         client = request.client.host if request.client else ""
         seen = watch.seen_at(request.headers.get("last-event-id", ""))
@@ -124,7 +141,7 @@ class Streams:
         try:
             yield f"retry: {AGAIN_MS}\n\n"
             while not await request.is_disconnected():
-                for name, text in await run_in_threadpool(lambda: list(watch.news(seen))):
+                for name, text in await run_in_threadpool(lambda: list(watch.news(seen, texts))):
                     yield f"id: {watch.mark(seen)}\nevent: {name}\ndata: {text}\n\n"
                 if since_beat_s >= BEAT_S:
                     yield "event: beat\ndata: {}\n\n"
