@@ -72,8 +72,8 @@ LONGEST_GAP = 0.5
 """Of the lag."""
 LAG_SHARES = 0.1, 0.5
 """Parts of the lag that are tried with rows read otherwise, which may be of it."""
-SHIFT_SEEN = 20.0
-"""In -2 ln of the likelihood: no lag of a sound record falls behind a delay by a fifth of it."""
+SHIFT_SEEN = 30.0
+"""In -2 ln of the likelihood: no lag of a sound record falls behind a delay by a tenth of it."""
 STEPPED_SET_POINT_DEGC, SETTLING_ROWS = 3.0, 20
 """From row to row: the air jumps with a set-point that does."""
 THEN = "Their temperature is filled in by that of {}."

@@ -35,7 +35,7 @@ def test_a_run_is_drawn_in_place_until_it_ends(copy: Path, columns: int, rows: i
     (copy / EVENTS).write_text(lines_until_unit(whole, 1), encoding="utf-8")
     lock = FileLock(copy / LOCK)
     terminal = OnTerminal(copy, "status", copy, "--watch", columns=columns, rows=rows)
-    terminal.wait_for("gyro_acquisition counts")  # the last part of a picture
+    terminal.wait_for("gyro_acquisition rate")  # the last part of a picture
     first = terminal.lines
     assert re.match(r"state +▶ running +device RLG-50 SN-0042 +[0-9:]{8}$", first[0]), first
     (copy / EVENTS).write_text(whole, encoding="utf-8")
