@@ -19,6 +19,7 @@ import reference_instruments
 import reference_keys
 import reference_roles
 import reference_verbs
+import templates
 
 DOCS = Path(__file__).parents[1]
 PLACE = re.compile(
@@ -43,6 +44,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "result-example": reference_formats.result_example,
     "run-files": reference_formats.run_files,
     "run-events": reference_formats.run_events,
+    **templates.MAKERS,
 }
 
 

@@ -12,6 +12,7 @@ from station.cli.options import (
     MOUNTED,
     Json,
     Letterhead,
+    NewKind,
     Output,
     Paper,
     Procedure,
@@ -39,6 +40,20 @@ def sim(
     from station.cli.instruments import serve
 
     serve(bench, procedure, speed, until_stdin_closes=until_stdin_closes)
+
+
+def new(
+    kind: NewKind,
+    name: Annotated[str, typer.Argument(help="Small letters, digits and hyphens.")],
+    extends: Annotated[
+        str | None,
+        typer.Option(metavar="PLAN", help="The plan that a new one changes.", show_default=False),
+    ] = None,
+) -> None:
+    """Write a plan, bench file or procedure to start from."""
+    from station.cli.new import write_new
+
+    write_new(kind.value, name, extends)
 
 
 def panel(
@@ -159,6 +174,7 @@ def sign(
 def add_to(app: typer.Typer) -> None:
     """Add the verbs to the command line."""
     app.command()(sim)
+    app.command()(new)
     app.command()(panel)
     app.command()(report)
     app.command()(schema)

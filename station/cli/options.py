@@ -162,6 +162,14 @@ class Kind(StrEnum):
     RUNS = "runs"
 
 
+class NewKind(StrEnum):
+    """What `new` can write."""
+
+    PROCEDURE = "procedure"
+    PLAN = "plan"
+    BENCH = "bench"
+
+
 class SchemaKind(StrEnum):
     """What `schema` can describe."""
 

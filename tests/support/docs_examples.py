@@ -88,25 +88,11 @@ class Workshop:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(example.text, encoding="utf-8")
         if path.name == "pyproject.toml":
-            self._install(tomllib.loads(example.text)["project"])
+            make_known(tomllib.loads(example.text)["project"], self.folder)
 
     def _more(self, example: Example, where: str) -> None:
         with (self.folder / example.detail).open("a", encoding="utf-8") as file:
             file.write(example.text)
-
-    def _install(self, project: dict[str, object]) -> None:
-        """Make the page's package known by its entry points, as an editable install would."""
-        info = self.folder / f"{project['name']}-{project['version']}.dist-info"
-        info.mkdir()
-        head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-        (info / "METADATA").write_text(head, encoding="utf-8")
-        groups = project.get("entry-points", {})
-        assert isinstance(groups, dict)
-        lines = [
-            f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
-            for group, entries in groups.items()
-        ]
-        (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
     def _replace(self, example: Example, where: str) -> None:
         found = re.fullmatch(r"(\S+) in (\S+) as (\S+)", example.detail)
@@ -177,6 +163,21 @@ class Workshop:
         path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
         kept = {name: value for name, value in os.environ.items() if name != "CI"}
         return {**kept, "PATH": path, "PYTHONPATH": str(self.folder), "COLUMNS": "80"}
+
+
+def make_known(project: dict[str, object], folder: Path) -> None:
+    """Make a package of a folder known by its entry points, as an editable install would."""
+    info = folder / f"{project['name']}-{project['version']}.dist-info"
+    info.mkdir()
+    head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (info / "METADATA").write_text(head, encoding="utf-8")
+    groups = project.get("entry-points", {})
+    assert isinstance(groups, dict)
+    lines = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
+        for group, entries in groups.items()
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
 
 
 def commands_of(text: str) -> list[tuple[str, str]]:

@@ -66,3 +66,5 @@ def test_the_wheel_runs_the_main_job_from_another_folder(tmp_path: Path) -> None
     assert "verdict: none" in printed
     (folder,) = (elsewhere / "runs").iterdir()
     assert (folder / "report.html").is_file()
+    for kind in ("plan", "bench", "procedure"):
+        run(scripts / "station", "new", kind, "a-first", cwd=elsewhere)
