@@ -217,6 +217,9 @@ def in_words(event: Event) -> str:
             return ": ".join(
                 [event.kind, "; ".join(f"{who} {what}" for who, what in states.items())]
             )
+        case "published-value":  # of a result, of an axis, or of both
+            named = " ".join(str(details[key]) for key in ("name", "axis") if key in details)
+            return SAID[event.kind].format_map(_Given({**details, "name": named}))
         case kind if kind in SAID:
             return " ".join(SAID[kind].format_map(_Given(details)).split())
     if "message" in details:

@@ -221,3 +221,11 @@ def test_a_run_that_could_not_log_its_failure_is_not_said_to_be_done() -> None:
 def test_how_the_bench_was_left_is_said_in_words(verified: bool, words: str) -> None:
     outcomes = [{"instrument": "x", "verified": verified, "read_back": "0 A"}]
     assert words in in_words(Event(1.0, "safe-state", {"outcomes": outcomes}))
+
+
+def test_a_published_value_is_named_by_what_it_is_of() -> None:
+    value = {"value": 0.0257007, "unit": "deg/h/mT"}
+    assert in_words(Event(1.0, "published-value", {"axis": "IA", **value})) == (
+        "IA by the published formula: 0.0257007 deg/h/mT"
+    )
+    assert in_words(Event(1.0, "published-value", {"name": "K0", **value})).startswith("K0 by")
