@@ -22,6 +22,7 @@ from station.record.series import RunSeries
 
 DESK, PHONE, WALL = (1280, 800), (390, 844), (3840, 2160)
 WITHIN = "return [document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+TOOK = "return document.querySelector('#steps .done .took').textContent"
 DRAWN = "return document.getElementById('plots').data.map((line) => [line.name, line.y])"
 
 
@@ -150,7 +151,7 @@ def test_the_certificate_of_a_run_is_made_when_it_is_asked_for(served: Served) -
 def test_the_results_of_a_device_are_drawn_from_run_to_run(page: Page, served: Served) -> None:
     home(page, served)
     page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#runs button"))
-    page.driver.find_element(By.CSS_SELECTOR, "#runs button").click()
+    page.driver.execute_script("document.querySelector('#runs button').click()")
     page.wait_for("trend", "magnetic_sensitivity IA")
     assert len(page.driver.find_elements(By.CSS_SELECTOR, "#trend circle")) == 1
 
@@ -174,7 +175,7 @@ def test_a_live_run_fits_the_desk_and_shows_what_matters(
             size(page, DESK)
             home(page, served)
             page.wait_for("runs", "SN-1")
-            page.driver.find_element(By.PARTIAL_LINK_TEXT, "SN-1").click()
+            page.driver.execute_script("document.querySelector('#runs a').click()")
             page.wait_for("tiles", "gaussmeter · field")
             page.wait_for("tiles", "°/h")
             page.wait(lambda: field_peak_mT(page) > 0.9)
@@ -184,8 +185,8 @@ def test_a_live_run_fits_the_desk_and_shows_what_matters(
                 assert box["height"] > 0 and box["y"] + box["height"] <= DESK[1], name
             assert "counts" not in page.text("tiles")
             assert page.driver.find_elements(By.CSS_SELECTOR, "#tiles .near b")
-            done = page.driver.find_element(By.CSS_SELECTOR, "#steps .done .took")
-            assert done.text.endswith("s")
+            took = page.driver.execute_script(TOOK)  # at once: the list is drawn again and again
+            assert took.endswith("s")
             assert page.accessibility_findings() == []
             page.wait_for("verdict", "PASS", 120.0)
             assert process.wait(60.0) == 0
