@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from station.cli.attaching import begin_detached
@@ -12,6 +13,7 @@ from station.cli.instruments import identified
 from station.cli.validating import read_bench_named, read_plan_for
 from station.errors import InputError, StationError
 from station.files.faults import FaultList
+from station.files.plan import Plan
 from station.panel.access import Role
 from station.panel.starting import Wanted
 from station.procedure import procedure_of
@@ -22,11 +24,20 @@ from station.runner.dry_run import walk
 CERTIFICATE_WITHIN_S = 120.0
 
 
+def not_for(role: Role, plan: Plan, what: str) -> str | None:
+    """Return why a role may not run a plan, None where it may."""
+    if role == "engineer" or plan.header.released:
+        return None
+    return f"{what} is not released (`released: true` in the plan); an engineer may start it"
+
+
 class DetachedRuns:
     """Begins runs below a folder."""
 
     def __init__(self, runs: Path) -> None:
         self._runs = runs
+        self._prints = Lock()
+        """One certificate at a time: whoever clicks again waits."""
 
     def look(self, wanted: Wanted, role: Role) -> dict[str, Any]:
         """Return what a run would do, or in `faults` what keeps it from being started."""
@@ -38,13 +49,9 @@ class DetachedRuns:
             return {"faults": [str(fault) for fault in error.faults]}
         except StationError as error:
             return {"faults": [str(error)]}
-        faults = []
-        if role != "engineer" and not plan.header.released:
-            faults.append(
-                f"the plan {wanted.plan} is not released (`released: true` in the plan); an "
-                "engineer may start it"
-            )
-        if bench.simulation is None:  # what is simulated answers
+        fault = not_for(role, plan, f"the plan {wanted.plan}")
+        faults = [fault] if fault else []
+        if bench.simulation is None and not faults:  # what is simulated answers
             used = procedure_of(plan.procedure).walk(plan.parameters).instruments
             asked = identified(bench, plan.procedure, used, "`station panel`, before a run")
             faults += [
@@ -71,9 +78,11 @@ class DetachedRuns:
             arguments.append("--rehearse")
         return begin_detached(arguments).name
 
-    def resume(self, folder: Path) -> None:
+    def resume(self, folder: Path, role: Role) -> None:
         """Go on with a run; raises InputError with what is wrong."""
-        _, bench = read_plan_and_bench(RunFolder(folder))
+        plan, bench = read_plan_and_bench(RunFolder(folder))
+        if fault := not_for(role, plan, "this run's plan"):
+            raise InputError(fault)
         rehearse = ["--rehearse"] if bench.simulation is not None else []
         begin_detached(["resume", str(folder), *rehearse])
 
@@ -83,12 +92,19 @@ class DetachedRuns:
         A process of its own draws it: the panel's does not grow by what it needs.
         """
         asked = ["report", str(folder), "--kind", "certificate", "--format", "pdf"]
-        made = subprocess.run(
-            [sys.executable, "-m", "station", *asked, "--lang", language],
-            capture_output=True,
-            text=True,
-            timeout=CERTIFICATE_WITHIN_S,
-        )
+        with self._prints:
+            try:
+                made = subprocess.run(
+                    [sys.executable, "-m", "station", *asked, "--lang", language],
+                    capture_output=True,
+                    text=True,
+                    timeout=CERTIFICATE_WITHIN_S,
+                )
+            except subprocess.TimeoutExpired as error:
+                raise InputError(
+                    f"the certificate was not made within {CERTIFICATE_WITHIN_S:g} s; try again "
+                    "when the computer is less busy"
+                ) from error
         if made.returncode:
             raise InputError(made.stderr.strip() or "the certificate was not made")
         return Path(made.stdout.splitlines()[-1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from threading import Lock, Thread
@@ -15,7 +15,14 @@ from station.control.status import message_of, run_time_s
 from station.errors import DamagedRecord, StationError
 from station.files.locks import is_held
 from station.guardian.notes import guardian_at_work
-from station.record.events import Event, LogTail, guardian_events, in_words, is_of_line
+from station.record.events import (
+    Event,
+    LogTail,
+    guardian_events,
+    in_words,
+    is_of_line,
+    rest_in_words,
+)
 from station.record.layout import LOCK
 from station.record.run_state import GOES_ON, SENTENCES, RunState, State
 from station.record.verification import quick_look
@@ -101,10 +108,19 @@ class RunReader:
             "prompt": run.open_prompt if self._held else None,
             "safe": None if safe is None else [dict(outcome) for outcome in safe],
             "left_out": run.left_out(),
+            "rest": self._rest(safe),
             "log": [
                 {"t": event.time_s - run.began_s, "text": in_words(event)} for event in self._latest
             ],
         }
+
+    def _rest(self, safe: Sequence[Mapping[str, Any]] | None) -> dict[str, Any] | None:
+        """Return how the run left its bench, None where nobody has read it back."""
+        if safe is None:
+            return None
+        left_out = self._state.left_out()
+        verified, sentence = rest_in_words(safe, left_out)
+        return {"known": verified and not left_out, "sentence": sentence}
 
     def times(self, state: State, live: Mapping[str, Any] = NOTHING_LIVE) -> Times:
         """Return how long the run has taken and will take, as of now.

@@ -170,7 +170,7 @@ class Panel:
     async def resume(self, request: Request) -> Response:
         """Go on with a run that ended before its end."""
         folder = self.folder(request)
-        await run_in_threadpool(self._starting.resume, folder)
+        await run_in_threadpool(self._starting.resume, folder, self.role(request))
         return JSONResponse({"run": folder.name})
 
     async def look(self, request: Request) -> Response:

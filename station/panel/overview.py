@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import date
+from datetime import date, datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from station import registry
-from station.clock import utc_now
+from station.clock import local_time, utc_now
+from station.errors import StationError
 from station.files.faults import FaultList
 from station.files.lookup import BENCHES, PLANS, available, find
 from station.files.plan.composition import layers_of, merged
@@ -85,7 +86,7 @@ def header_of(plan: Path, changed_ns: int) -> Mapping[str, Any]:
     """Return what a plan says, with what it extends; nothing where it cannot be read."""
     try:
         return dict(merged(layers_of(read_yaml(plan))).data)
-    except FaultList:
+    except (StationError, OSError):
         return {}
 
 
@@ -94,8 +95,8 @@ def counts(entries: Sequence[Mapping[str, Any]], plan: str) -> dict[str, Any]:
 
     A run whose verdict its folder does not vouch for counts as a run alone.
     """
-    today = utc_now().date().isoformat()
-    begun = [entry["verdict"] for entry in entries if entry["started"][:10] == today]
+    today = local_time().date()
+    begun = [entry["verdict"] for entry in entries if local_day(entry["started"]) == today]
     of_plan = [entry["verdict"] for entry in entries if entry["plan"] == plan]
     decided = [verdict for verdict in of_plan if verdict in ("pass", "fail")]
     return {
@@ -103,6 +104,14 @@ def counts(entries: Sequence[Mapping[str, Any]], plan: str) -> dict[str, Any]:
         "passed": begun.count("pass"),
         "plan": {"plan": plan, "decided": len(decided), "passed": decided.count("pass")},
     }
+
+
+def local_day(utc: str) -> date | None:
+    """Return the day, where the bench stands, of a time in UTC; None where the text is none."""
+    try:
+        return datetime.fromisoformat(utc).astimezone().date()
+    except (ValueError, OverflowError):
+        return None
 
 
 def device(runs: Path, serial: str) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class Starting(Protocol):
         """Begin it and return the name of its folder; raises InputError with what is wrong."""
         ...
 
-    def resume(self, folder: Path) -> None:
+    def resume(self, folder: Path, role: Role) -> None:
         """Go on with a run; raises InputError with what is wrong."""
         ...
 

@@ -274,6 +274,16 @@ def whole_bench(left_out: Iterable[Mapping[str, str]], when: str = "") -> str:
     return f"the bench is safe, read back from every instrument that can harm{when}"
 
 
+def rest_in_words(
+    safe: Iterable[Mapping[str, Any]], left_out: Iterable[Mapping[str, str]]
+) -> tuple[bool, str]:
+    """Return whether every outcome of a safe state was read back, and the sentence on the bench."""
+    wrong = [str(outcome["instrument"]) for outcome in safe if not outcome["verified"]]
+    if wrong:
+        return False, f"NOT VERIFIED as safe: {', '.join(wrong)}"
+    return True, whole_bench(left_out)
+
+
 def not_known(left_out: Iterable[Mapping[str, str]]) -> str:
     """Return that some instruments are not known to be safe, by name; empty where there is none."""
     by_reason: dict[str, list[str]] = {}

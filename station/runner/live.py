@@ -97,7 +97,7 @@ class LiveBoard:
         numbers = {
             "value": value * factor,
             "set": self._commanded(name, quantity, unit),
-            "limit": self._limits.get((name, quantity)),
+            "limit": self._limits.get((name, quantity, unit)),
         }
         kept = {key: number for key, number in numbers.items() if number is not None}
         return {**entry, "unit": unit, **kept}
@@ -110,23 +110,23 @@ class LiveBoard:
             for key, bound in BOUNDS.items()
             if bound.word == quantity and bound.unit == unit
         )
-        return next((float(value) for value in given if isinstance(value, float)), None)
+        return next((float(value) for value in given if isinstance(value, int | float)), None)
 
 
-def limits_of(bench: Bench) -> dict[tuple[str, str], float]:
-    """Return what each quantity of each instrument may not exceed, in its unit, at most.
+def limits_of(bench: Bench) -> dict[tuple[str, str, str], float]:
+    """Return by instrument, quantity and unit what it may not exceed, at most.
 
     That is the bench file's limit on it, or the level of an interlock where that is lower.
     """
-    most: dict[tuple[str, str], float] = {}
+    most: dict[tuple[str, str, str], float] = {}
     for name, instrument in bench.instruments.items():
         for quantity, kind in quantities_of(name).items():
             ends = (kind.limit, f"{kind.limit}_high") if kind.limit else ()
             for limit in (instrument.limits[key] for key in ends if key in instrument.limits):
-                most[name, quantity] = limit
+                most[name, quantity, kind.unit] = limit
     conditions = [interlock.when for interlock in bench.interlocks]
     for level in upper_limits(conditions, "any"):
-        key = level.instrument, level.quantity
+        key = level.instrument, level.quantity, level.unit
         most[key] = min(level.high, most.get(key, math.inf))
     return most
 

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from station.console import span
 from station.control.run_reader import NOTHING_LIVE, Times, sentence_of_now
-from station.record.events import whole_bench
+from station.record.events import rest_in_words
 from station.record.run_state import GOES_ON
 from station.record.series import Trace
 from station.view.marks import Marks
@@ -253,11 +253,9 @@ def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
     safe = picture.state["safe"]
     if not safe:  # not made safe yet, or nothing that can harm
         return
-    wrong = [str(outcome["instrument"]) for outcome in safe if not outcome["verified"]]
-    if wrong:
-        yield Text(f"{marks.bad} NOT VERIFIED as safe: {', '.join(wrong)}", "bold red")
-    else:
-        yield Text(f"{marks.good} {whole_bench(picture.state['left_out'])}", "green")
+    verified, sentence = rest_in_words(safe, picture.state["left_out"])
+    mark, colour = (marks.good, "green") if verified else (marks.bad, "bold red")
+    yield Text(f"{mark} {sentence}", colour)
 
 
 def time_words(times: Times, now: datetime) -> str:

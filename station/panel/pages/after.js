@@ -6,11 +6,11 @@ const WORDS = {pass: t("PASS: within every limit"), fail: t("FAIL: the device is
 
 // What a person does now; the bench first.
 function toDo(data) {
-  const safe = data.safe || [], open = safe.filter((one) => !one.verified).map((one) => one.instrument);
-  const lines = [];
-  if (open.length) lines.push([t("Go to the bench and switch off by hand: {names}", {names: open.map(placeName).join(", ")}), "bad"]);
-  else if (safe.length) lines.push([t("The bench is at rest, read back. Switch the device off before you take it out."), ""]);
+  const lines = [], rest = data.rest;
+  if (rest) lines.push([rest.sentence, rest.known ? "" : "bad"]);
   else lines.push([t("Nobody has read the bench back: look at it before you touch it."), "attention"]);
+  if (rest && rest.known) lines.push([t("Switch the device off before you take it out."), ""]);
+  else if (rest) lines.push([t("Go to the bench and switch off by hand what is on."), "bad"]);
   if (["failed", "interrupted"].includes(data.state)) lines.push([t("What was recorded is kept. Mend the cause, then resume the run."), ""]);
   byId("to-do").replaceChildren(...lines.map(([text, look]) => element("li", text, look)));
   show("resume", ["failed", "interrupted"].includes(data.state));

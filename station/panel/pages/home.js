@@ -18,7 +18,7 @@ function wanted() {
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.key.length !== 1) return;
   if (["INPUT", "SELECT", "TEXTAREA"].includes(document.activeElement.tagName) || (document.activeElement.tagName === "BUTTON" && event.key === " ")) return;
-  if (!byId("content").hidden) byId("serial").focus();
+  if (!byId("content").hidden) byId("serial").select();  // what is typed now takes the place of what stood there
 });
 
 // What a link asks for, else what was chosen last.
@@ -78,8 +78,8 @@ function trendLine({values, u, name}) {
 function showToday({runs, passed, plan}) {
   say("today-runs", String(runs));
   say("today-passed", String(passed));
-  say("yield", plan && plan.decided ? `${Math.round(100 * plan.passed / plan.decided)} %` : "–");
-  say("yield-of", plan ? t("yield of {plan}: {passed} of {decided}", plan) : "");
+  say("yield", plan.decided ? `${Math.round(100 * plan.passed / plan.decided)} %` : "–");
+  say("yield-of", plan.decided ? t("yield of {plan}: {passed} of {decided}", plan) : "");
 }
 
 async function refresh() {
@@ -107,7 +107,7 @@ function begin() {
   const {operator, serial} = remembered(), queue = JSON.parse(sessionStorage.getItem(QUEUE) || "[]");
   byId("operator").value = operator || "";
   byId("serial").value = serial || queue.join(" ");
-  byId("serial").focus();
+  byId("serial").select();  // a scan takes the place of what is left of a list
 }
 
 function stepItem(one, whole_s) {
@@ -177,5 +177,6 @@ byId("login-form").addEventListener("submit", async (event) => {
 });
 
 byId("search").addEventListener("input", refresh);
+byId("plan").addEventListener("change", refresh);
 refresh();
 setInterval(refresh, REFRESH_MS);

@@ -3,6 +3,7 @@
 const OLD_S = 30;
 const NEAR = 0.9;  // of its limit: from here on a value wants a person's eye
 const KINDS = ["output", "field", "temperature", "angle", "rate", "current"];
+const SIGNED = ["temperature", "angle"];  // whose limit is an upper one, not one of the magnitude
 const MAX_TILES = 8;
 const LOCK_WORDS = {clear: "✔", waits: t("! true for a moment:"), tripped: t("✘ TRIPPED:")};
 const tilesShown = new Map();
@@ -20,7 +21,7 @@ function showLive(data) {
     placeName(one.instrument), one.set || "–", one.read.map(readText).join(", ") || "–")));
   byId("interlocks").replaceChildren(...data.interlocks.map(lamp));
   const tiles = [];
-  if (output) tiles.push({kind: "output", instrument: output.source, quantity: output.quantity, ...output});
+  if (output) tiles.push({kind: "output", instrument: output.source, ...output, age_s: Math.max(data.time_s - output.t, 0)});
   for (const {instrument, set, read} of data.instruments) {
     for (const one of read) {
       if (one.value === undefined || !KINDS.includes(one.quantity)) continue;
@@ -52,7 +53,7 @@ function showTile(one) {
     tilesShown.set(key, tile);
     byId("tiles").append(tile);
   }
-  const [, value, line, near] = tile.children, size = Math.abs(one.value);
+  const [, value, line, near] = tile.children, size = SIGNED.includes(one.kind) ? one.value : Math.abs(one.value);
   const [number, unit] = scaled(one.value, one.unit);
   value.replaceChildren(number, " ", element("small", unit));
   const set = one.target !== undefined ? t("set {value}", {value: scaled(one.target, one.unit).join(" ")}) : one.words || "";
@@ -60,7 +61,7 @@ function showTile(one) {
   line.firstChild.textContent = [set, old].filter(Boolean).join(" · ");
   line.lastChild.textContent = one.limit === undefined ? "" : t("limit {value}", {value: scaled(one.limit, one.unit).join(" ")});
   near.hidden = one.limit === undefined;
-  const share = one.limit ? size / Math.abs(one.limit) : 0;
+  const share = one.limit ? Math.max(size / one.limit, 0) : 0;
   near.children[0].style.width = `${100 * Math.min(share, 1)}%`;
   near.children[1].style.left = `${100 * Math.min(Math.abs(one.target ?? 0) / Math.abs(one.limit || 1), 1)}%`;
   near.children[1].hidden = one.target === undefined;
@@ -90,7 +91,7 @@ function showPlots(series) {
   const device = series.find((one) => one.device && Object.values(one.columns).some((column) => column.t.length));
   if (device) {
     const [name, column] = Object.entries(device.columns)[0];
-    output = {source: device.source, quantity: name.replace(/_[^_]*$/, ""), unit: device.unit, value: column.v[column.v.length - 1], age_s: 0};
+    output = {source: device.source, quantity: name.replace(/_[^_]*$/, ""), unit: device.unit, value: column.v[column.v.length - 1], t: column.t[column.t.length - 1]};
   }
   const place = byId("plots"), data = [], count = shownOnes.length, gap = 0.08, height = (1 - gap * (count - 1)) / Math.max(count, 1);
   const style = getComputedStyle(document.documentElement), ink = style.getPropertyValue("--ink").trim(), grid = style.getPropertyValue("--line").trim();

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
+from typing import cast
 
 import pytest
 import yaml
 
 from station.cli.starting import DetachedRuns
+from station.errors import InputError
 from station.files.lookup import BENCHES, find
+from station.panel.access import Role
 from station.panel.starting import Wanted
 
 WANTED = Wanted("rlg-magnetic-sensitivity", "real", "SN-1", "")
@@ -39,3 +43,15 @@ def test_instruments_that_do_not_answer_are_named_before_a_run(
     assert "turntable" not in silent  # the plan does not use it
     assert "check that nobody else uses the instrument" in silent["gaussmeter"]
     assert looked["steps"], "what the run would do is shown all the same"
+
+
+def test_an_operator_resumes_no_run_of_a_plan_that_is_not_released(
+    one_axis_run: Path, tmp_path: Path
+) -> None:
+    run = shutil.copytree(one_axis_run, tmp_path / one_axis_run.name)
+    for role, words in (("operator", "not released"), ("engineer", "was changed since")):
+        plan = run / "plan.resolved.yaml"
+        text = plan.read_text(encoding="utf-8").replace("released: true", "released: false")
+        plan.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match=words):
+            DetachedRuns(tmp_path).resume(run, cast("Role", role))

@@ -81,8 +81,11 @@ def test_a_scan_goes_into_the_serial_number_whatever_the_page_is_doing(
     page.driver.execute_script("document.activeElement.blur()")
     page.driver.switch_to.active_element.send_keys("SN-77")
     assert page.element("serial").get_attribute("value") == "SN-77"
+    page.driver.execute_script("document.activeElement.blur()")
+    page.driver.switch_to.active_element.send_keys("SN-78")  # never "SN-77SN-78"
+    assert page.element("serial").get_attribute("value") == "SN-78"
     page.element("search").send_keys("0042")  # who writes elsewhere goes on there
-    assert page.element("serial").get_attribute("value") == "SN-77"
+    assert page.element("serial").get_attribute("value") == "SN-78"
 
 
 def test_serial_numbers_of_a_list_follow_one_another(page: Page, served: Served) -> None:
@@ -139,6 +142,37 @@ def test_a_result_stands_in_the_band_of_its_limits(page: Page, served: Served) -
     page.wait_for("to-do", "Switch the device off before you take it out")
     (bullet,) = page.driver.find_elements(By.CSS_SELECTOR, "#results .bullet")
     assert "within |x| ≤ 0.1" in str(bullet.get_attribute("aria-label"))
+
+
+def test_a_gyro_that_gives_nothing_any_more_is_shown_with_the_age_of_its_last_value(
+    page: Page, served: Served
+) -> None:
+    run = next(iter(runs_below(served.runs))).name
+    page.driver.get(f"{served.url}/run/{run}")
+    page.wait_for("verdict", "PASS")
+    columns = {"rate_deg/h": {"t": [1.0, 2.0], "v": [9.6, 9.7]}}
+    series = {"source": "gyro_acquisition", "unit": "deg/h", "device": True, "columns": columns}
+    live = {"instruments": [], "interlocks": [], "time_s": 102.0}
+    tile = "return document.querySelector('.tile').textContent"
+    page.driver.execute_script("showPlots([arguments[0]]); showLive(arguments[1])", series, live)
+    assert "1 min 40 s ago" in page.driver.execute_script(tile)
+    page.driver.execute_script("showLive(arguments[0])", {**live, "time_s": 3.0})
+    assert "ago" not in page.driver.execute_script(tile)
+
+
+def test_a_bench_of_which_something_is_not_known_is_not_called_safe(
+    page: Page, served: Served
+) -> None:
+    run = next(iter(runs_below(served.runs))).name
+    page.driver.get(f"{served.url}/run/{run}")
+    page.wait_for("to-do", "the bench is safe, read back from every instrument that can harm")
+    for rest, words in (
+        ({"known": False, "sentence": "NOT KNOWN to be safe: table"}, "switch off by hand"),
+        (None, "Nobody has read the bench back"),
+    ):
+        page.driver.execute_script("toDo({...shown, rest: arguments[0]})", rest)
+        assert words in page.text("to-do")
+        assert "Switch the device off" not in page.text("to-do")
 
 
 def test_the_certificate_of_a_run_is_made_when_it_is_asked_for(served: Served) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from station.record.events import Event
+from station.record.events import Event, rest_in_words
 from station.record.run_state import RunState
 
 STEP = {"step": "S4", "title": "Record", "expected_s": 80.0}
@@ -97,3 +97,16 @@ def test_a_log_that_grows_folds_to_what_the_whole_log_does() -> None:
         assert growing.remaining_s(event.time_s) == whole.remaining_s(event.time_s)
     assert growing.state(held=False) == "finished"
     assert growing.safe_state() == [{"instrument": "coil_supply.x", "verified": True}]
+
+
+def test_a_bench_is_called_safe_in_one_sentence_only_where_all_was_read_back() -> None:
+    off = {"instrument": "coil_supply.x", "verified": True}
+    on = {"instrument": "coil_supply.y", "verified": False}
+    table = {"instrument": "turntable", "why": "it was not opened"}
+    assert rest_in_words([off], []) == (
+        True,
+        "the bench is safe, read back from every instrument that can harm",
+    )
+    assert rest_in_words([off, on], [table]) == (False, "NOT VERIFIED as safe: coil_supply.y")
+    verified, sentence = rest_in_words([off], [table])
+    assert verified and sentence.startswith("NOT KNOWN to be safe: turntable (it was not opened)")
