@@ -103,7 +103,7 @@ class LiveBoard:
         return {**entry, "unit": unit, **kept}
 
     def _commanded(self, name: str, quantity: str, unit: str) -> float | None:
-        """Return how much of a quantity an instrument was told last, None for nothing."""
+        """Return how much of a quantity was last commanded of an instrument, None for nothing."""
         _, bounds = self._set.get(name, ("", Bounds()))
         given = (
             bounds.get(key)
