@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from station.fields import StrictModel
-from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.lookup import in_place_of_file, is_there
 from station.files.validation import check_model, validate_model
 from station.files.yaml.reading import Document, read_text, read_yaml
@@ -117,9 +117,8 @@ class Table(dict[str, NDArray[Any]]):
         faults = []
         for row, word in enumerate(self[column].tolist()):
             if word not in known:
-                hint = nearest(word, known)
-                what = f"there is no {column} '{word}'; there are {listed(known)}"
-                faults.append(self.fault(row, column, what, hint and f"'{hint}'"))
+                fault = not_there(f"there is no {column} '{word}'", word, known)
+                faults.append(self.fault(row, column, *fault))
         return faults
 
 

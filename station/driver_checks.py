@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from station import registry
 from station.errors import QuantityNotRead, reason_of
 from station.fields import StrictModel, key_of
-from station.files.faults import Fault, listed, nearest
+from station.files.faults import Fault, listed, not_there
 from station.files.validation import check_model
 from station.files.yaml.document import Document, Where
 from station.roles.base import EXCHANGE_DEADLINE_S, MAX_DEADLINE_S, TRIES
@@ -179,10 +179,9 @@ def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault
     known = [*own, *common]
     for key in mapping(mapping(document.data["instruments"][name]).get("settings")):
         if key not in known:
-            hint = nearest(str(key), known)
-            what = f"there is no setting '{key}'; this driver knows {listed(known)}"
-            where = ("instruments", name, "settings", key)
-            yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
+            what = f"there is no setting '{key}'"
+            fault = not_there(what, str(key), known, "this driver knows")
+            yield document.fault(("instruments", name, "settings", key), *fault, at_key=True)
     yield from _settings_faults(document, name, model, own, "this driver")
     yield from _address_faults(document, name, getattr(driver, "on_can", None))
     for wrong in wrong_units(driver, name):

@@ -15,6 +15,7 @@ from threading import Thread
 from typing import Any
 
 from station.errors import InputError, reason_of
+from station.files.faults import meant, not_there
 from station.packages import DISTRIBUTION, NAMES
 
 PROCEDURES = "station.procedures"
@@ -141,8 +142,7 @@ def load(group: str, name: str) -> Any:
     entry = offers()[0].get(group, {}).get(name)
     kind = kind_in(group)
     if entry is None:
-        known = ", ".join(names(group)) or "none"
-        raise InputError(f"there is no {kind} named {name!r}; there are: {known}")
+        raise InputError(meant(*not_there(f"there is no {kind} '{name}'", name, names(group))))
     try:
         loaded, failed = (entry.load(), None) if is_own(entry) else _loaded_beside(entry)
         if failed is None:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from station.cli.groups import Verbs
 from station.cli.more_verbs import add_to
 from station.cli.options import (
     DEFAULT_BENCH,
@@ -39,6 +40,7 @@ from station.cli.own_process import leave_to_own_process
 # rich would draw the same help in twice the time.
 app = typer.Typer(
     name="station",
+    cls=Verbs,
     help="Run published calibration procedures of inertial sensors on a real or simulated bench.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -218,7 +220,7 @@ def analyse(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Compute results of a run again, of a dataset, or of many runs."""
+    """Compute results of a run again, of a dataset, of many runs."""
     from station.cli.analysing import analyse_data
     from station.cli.reanalysing import analyse_store, refuse_without_all
 

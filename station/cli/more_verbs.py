@@ -93,7 +93,7 @@ def report(
     letterhead: Letterhead = None,
     lang: Annotated[str, typer.Option(help="en, zh, or zh+en: one above the other.")] = "en",
 ) -> None:
-    """Make the report or certificate of a run, into its exports folder."""
+    """Make the report or certificate of a run, into its exports."""
     from station.cli.reporting import remake_report
 
     remake_report(folder, format.value, kind.value, paper.value, letterhead, lang)

@@ -10,7 +10,7 @@ from station.errors import InputError
 
 MAX_FAULTS = 20
 """So many faults are listed, then how many more there are."""
-LONGEST = 300
+LONGEST = 600
 """So many characters of a key or a value are shown."""
 
 
@@ -28,7 +28,7 @@ class Fault:
     @property
     def said(self) -> str:
         """What is wrong and what was probably meant, for whoever knows the place."""
-        return f"{self.what}; did you mean {self.hint}" if self.hint else self.what
+        return meant(self.what, self.hint)
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}"
@@ -91,12 +91,21 @@ def listed(words: Iterable[str]) -> str:
     return ", ".join(words) or "none"
 
 
-def not_there(kind: str, name: str, known: Iterable[str]) -> tuple[str, str | None]:
-    """Return the sentence of a name that nothing has, and the one that was probably meant."""
+def meant(what: str, hint: str | None) -> str:
+    """Return what is wrong and what was probably meant."""
+    return f"{what}; did you mean {hint}" if hint else what
+
+
+def not_there(
+    what: str, name: str, known: Iterable[str], there: str = "there are"
+) -> tuple[str, str | None]:
+    """Return the sentence `what` of a name that nothing has, and what was probably meant.
+
+    What there is comes after that, or ends the sentence where nothing is near.
+    """
     words = list(known)
-    hint = nearest(name, words)
-    what = f"there is no {kind} '{name}'"
-    return (what, f"'{hint}'") if hint else (f"{what}; there are {listed(words)}", None)
+    hint, there = nearest(name, words), f"{there} {listed(words)}"
+    return (what, f"'{hint}'; {there}") if hint else (f"{what}; {there}", None)
 
 
 def dotted(path: Sequence[str | int]) -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import errno
 import stat
+from collections.abc import Iterable
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
-from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.faults import Fault, FaultList, nearest, not_there
 
 PLANS = "plans"
 BENCHES = "benches"
@@ -19,8 +21,8 @@ NO_FILE = "is a pipe or a device, not a file"
 def find(kind: str, name: str, suffix: str = _SUFFIX) -> Path:
     """Return the file of a plan or bench, given as a path or by name, with or without its suffix.
 
-    `kind` is the folder of `config` that holds what has a name. Raises FaultList that lists what
-    there is.
+    `kind` is the folder of `config` that holds what has a name. Raises FaultList: of a path, that
+    it does not exist; of a name, what was probably meant and what there is.
     """
     as_path = Path(name)
     if is_there(as_path):
@@ -29,10 +31,29 @@ def find(kind: str, name: str, suffix: str = _SUFFIX) -> Path:
     wanted = name.removesuffix(suffix)
     if wanted in known:
         return known[wanted]
-    hint = nearest(as_path.name.removesuffix(suffix), known)
-    kind_said = _ONE.get(kind, "file")
-    what = f"there is no such {kind_said}, neither as a file nor by name; there are {listed(known)}"
-    raise FaultList([Fault(name, 1, 1, "file", what, hint and f"'{hint}'")])
+    wrong = in_place_of_file(as_path)
+    if wrong or len(as_path.parts) > 1 or as_path.suffix[1:].isalpha():
+        what, hint = wrong or _no_path(as_path), _meant(as_path, known)
+    else:
+        what = f"there is no such {_ONE.get(kind, 'file')}, neither as a file nor by name"
+        what, hint = not_there(what, name, known)
+    raise FaultList([Fault(name, 1, 1, "file", what, hint)])
+
+
+def _no_path(path: Path) -> str:
+    """Return what is missing of a path."""
+    there = in_place_of_file(path.parent) is not None
+    return "the path does not exist" + ("" if there else f": there is no folder {path.parent}")
+
+
+def _meant(path: Path, known: Iterable[str]) -> str | None:
+    """Return the file beside a path that is not there, or else the name, that was meant."""
+    beside: dict[str, Path] = {}
+    with suppress(OSError, ValueError):
+        beside = {file.name: file for file in path.parent.glob(f"*{path.suffix}") if is_there(file)}
+    near = nearest(path.name, beside)
+    hint = str(beside[near]) if near else nearest(path.stem, known)
+    return hint and f"'{hint}'"
 
 
 def is_there(path: Path) -> bool:
@@ -41,6 +62,17 @@ def is_there(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
+
+
+def is_missing(path: Path) -> bool:
+    """Whether nothing stands at a path; where this user may not look, something may."""
+    try:
+        path.lstat()
+    except ValueError:  # a name with a NUL
+        return True
+    except OSError as error:
+        return error.errno in (errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG)
+    return False
 
 
 def in_place_of_file(path: Path) -> str | None:

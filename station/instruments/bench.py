@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from station.driver_checks import driver_faults, role_faults
 from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
-from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, Where
 from station.files.yaml.reading import read_yaml
@@ -298,9 +298,8 @@ def _instrument_faults(
         return
     driver = entry.get("driver")
     if drivers is not None and isinstance(driver, str) and driver and driver not in drivers:
-        hint = nearest(driver, drivers)
-        what = f"there is no driver '{driver}'" + ("" if hint else f"; there are {listed(drivers)}")
-        yield document.fault((*where, "driver"), what, hint and f"'{hint}'")
+        fault = not_there(f"there is no driver '{driver}'", driver, drivers)
+        yield document.fault((*where, "driver"), *fault)
     yield from _shares_faults(document, name, entry.get("shares"))
     given, declared = entry.get("limits", {}), role(role_of(name))
     for limit in declared.needed_limits if declared else ():

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from station.errors import InputError
+from station.files.lookup import is_missing
 from station.record.careful_reading import first_line, read_json, words
 from station.record.layout import EVENTS, RUN
 
@@ -50,10 +51,13 @@ def find_run(
     """Return the folder of a run from its path, its name, or what only its name or device holds.
 
     A path that exists is taken as it is. With `is_active`, of several runs the active one is meant.
-    Raises InputError where no name and no serial number below `parent` holds the text, or several.
+    Raises InputError where a path does not exist, and where no name and no serial number below
+    `parent` holds the text, or several.
     """
-    if name.exists() or len(name.parts) != 1:
+    if not is_missing(name):
         return name
+    if len(name.parts) != 1:
+        raise InputError(f"the path {name} does not exist")
     text = str(name).lower()
     below = runs_below(parent)
     fitting = [path for path in below if text in path.name.lower()]

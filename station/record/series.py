@@ -32,7 +32,7 @@ PULSE_WEIGHT = re.compile(r"^ +pulse_weight: (.*?) *(?:#.*)?$", re.MULTILINE)
 """What a count of the device is worth, in the resolved plan of a procedure that knows it."""
 MAX_COLUMNS = 4
 """Of a source: the first ones, as the driver orders them."""
-NO_QUANTITY = ("time_s", "state", "flags", "sequence", "number", "valid")
+NO_QUANTITY = ("time_s", "state", "flags", "sequence", "counter", "number", "valid")
 
 
 class Thinned:

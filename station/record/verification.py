@@ -7,6 +7,7 @@ from pathlib import Path
 
 from station.errors import DamagedRecord, InputError, NotPermitted, StationError
 from station.files.locks import is_held
+from station.files.lookup import is_missing
 from station.record.files import is_own_file
 from station.record.folder import RESULTS, RunFolder
 from station.record.integrity import QUICK, WHOLE, FolderState, differs, state_of
@@ -30,7 +31,8 @@ def verify(folder: Path, *, whole: bool = True) -> FolderState:
     folder, for the whole of a run that is going on, and where this user may not read it.
     """
     if not is_own_file(folder / EVENTS) and not is_own_file(folder / MANIFEST):
-        raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
+        no_run = f"{folder} is no run folder: it holds no {EVENTS}"
+        raise InputError(f"the path {folder} does not exist" if is_missing(folder) else no_run)
     if whole and is_held(folder / LOCK):
         raise InputError(f"{folder} is being run; verify it once it has ended")
     try:

@@ -303,7 +303,8 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
     """
     known = Procedures()
     if raw.procedure not in known:
-        fault = not_there("procedure", raw.procedure, known)
+        what = f"there is no procedure '{raw.procedure}'"
+        fault = not_there(what, raw.procedure, known)
         raise FaultList([raw.document.fault(("procedure",), *fault)])
     procedure = procedure_of(raw.procedure)
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any
@@ -19,14 +19,19 @@ from station.control.run_reader import NOTHING_LIVE, Times, sentence_of_now
 from station.record.events import rest_in_words
 from station.record.run_state import GOES_ON
 from station.record.series import Trace
+from station.units import shown
 from station.view.marks import Marks
 from station.view.sparkline import sparkline
 
 Line = list[Segment]
 
-WIDE = 130
-"""Columns from which steps and values stand side by side."""
+WIDE, VERY_WIDE = 130, 180
+"""Columns from which steps and values stand side by side, and the log beside them."""
 GAP = 3
+LEAST_VALUES = 56
+"""Columns that titles of steps leave to values."""
+LEAST_LOG = 12
+"""Lines that the log may have where steps and values have fewer."""
 BAR_WIDTH = 24
 FEWEST_STEPS = 4
 OLD_S = 30.0
@@ -88,16 +93,25 @@ class Drawing:
         foot = [line for part in bench_words(picture, self._marks) for line in self._lines(part)]
         room = max(self._rows - len(head) - len(foot), 0)
         if self._columns >= WIDE:
-            left = (self._columns - GAP) // 2
-            right = self._columns - GAP - left
-            body = beside(
-                self._steps(picture, left, room), self._measured(picture, right, room), left
-            )
+            body = self._side_by_side(picture, room)
         else:
             steps = sum(map(len, self._all_steps(picture, self._columns)))
             values = self._measured(picture, self._columns, room - min(steps, FEWEST_STEPS))
             body = [*self._steps(picture, self._columns, room - len(values)), *values]
         return Frame([*head, *body, *foot][: self._rows])
+
+    def _side_by_side(self, picture: Picture, room: int) -> list[Line]:
+        """Return steps as wide as their titles, values, and the log where there is room for it."""
+        left = min(needed(step_rows(picture, self._marks)), self._columns - GAP - LEAST_VALUES)
+        right = self._columns - GAP - left
+        if self._columns < VERY_WIDE:
+            values = self._measured(picture, right, room)
+            return beside(self._steps(picture, left, room), values, left)
+        middle = (right - GAP) * 3 // 5
+        steps, values = self._steps(picture, left, room), self._measured(picture, middle, room)
+        height = max(len(steps), len(values), min(room, LEAST_LOG))
+        log = self._log(picture, right - GAP - middle, height)
+        return beside(steps, beside(values, log, middle), left)
 
     def _lines(self, part: RenderableType, width: int | None = None) -> list[Line]:
         options = self._console.options.update(width=width or self._columns, height=None)
@@ -149,18 +163,21 @@ class Drawing:
     # The steps.
 
     def _all_steps(self, picture: Picture, width: int) -> list[list[Line]]:
-        steps = picture.state["steps"]
-        number_width = max((cell_len(step["number"]) for step in steps), default=0)
+        """Return the lines of each step; times only where they fold no title."""
+        rows = step_rows(picture, self._marks)
+        if needed(rows) > width and self._columns < WIDE:
+            rows = [(*row[:-1], "") for row in rows]
+        column_widths = widths(rows)
         lines = []
-        for step in steps:
-            table = Table.grid(padding=(0, 1))
-            table.add_column(width=1)
-            table.add_column(width=max(map(len, STEP_COLOURS)))
-            table.add_column(width=number_width)
-            table.add_column(overflow="fold")
-            colour = STEP_COLOURS[step["state"]]
-            cells = (self._marks.step(step["state"]), step["state"], step["number"], step["title"])
-            table.add_row(*(Text(cell, colour) for cell in cells))
+        for step, row in zip(picture.state["steps"], rows, strict=True):
+            table = Table.grid(padding=(0, 1), expand=True)
+            for column_width in column_widths[:3]:
+                table.add_column(width=column_width)
+            table.add_column(overflow="fold", ratio=1)
+            if column_widths[4]:
+                table.add_column(width=column_widths[4], justify="right")
+            cells = row if column_widths[4] else row[:-1]
+            table.add_row(*(Text(cell, STEP_COLOURS[step["state"]]) for cell in cells))
             lines.append(self._lines(table, width))
         return lines
 
@@ -174,6 +191,22 @@ class Drawing:
         more = ", ".join(f"{count} {where}" for where, count in left_out.items() if count)
         rest = self._lines(Text(f"{self._marks.more} {more}", "dim"), width) if more else []
         return [*(line for block in blocks[first:end] for line in block), *rest]
+
+    # What the run said last.
+
+    def _log(self, picture: Picture, width: int, room: int) -> list[Line]:
+        """Return the latest sentences of the log, the newest at the end."""
+        lines: list[Line] = []
+        for entry in reversed(picture.state["log"]):
+            table = Table.grid(padding=(0, 2))
+            table.add_column(no_wrap=True)
+            table.add_column(overflow="fold")
+            table.add_row(Text(clock_words(entry["t"]), "dim"), Text(entry["text"]))
+            block = self._lines(table, width)
+            if len(lines) + len(block) >= room:
+                break
+            lines = [*block, *lines]
+        return [*self._lines(Text("log", "bold"), width), *lines] if lines else []
 
     # Set-points beside read-backs, interlocks, and what the device gives.
 
@@ -190,13 +223,15 @@ class Drawing:
         return [*values, *fixed][: max(room, 0)]
 
     def _values(self, instruments: Sequence[dict[str, Any]], width: int, room: int) -> list[Line]:
-        """Return a line for each instrument, two where it has much to show."""
+        """Return a line for each value where there is room, else one or two for an instrument."""
         name_width = max(cell_len(instrument["instrument"]) for instrument in instruments)
-        set_width = min(
-            max(cell_len(instrument["set"]) for instrument in instruments),
-            (width - name_width - 4) * 2 // 5,
+        both = width - name_width - 4
+        read_need = max(
+            cell_len(words) for each in instruments for words in (*value_words(each["read"]), "")
         )
-        read_width = width - name_width - max(set_width, len("set")) - 4
+        set_most = both * 2 // 5 if self._columns < WIDE else max(both * 2 // 5, both - read_need)
+        set_width = min(max(cell_len(instrument["set"]) for instrument in instruments), set_most)
+        read_width = both - max(set_width, len("set"))
 
         def line(name: str, set_: str, read: str, style: str = "") -> list[Line]:
             table = Table.grid(padding=(0, 2))
@@ -207,16 +242,19 @@ class Drawing:
             return self._lines(table, width)
 
         heading = line("instrument", "set", "read back", "bold")
-        most = 2 if room > 2 * len(instruments) else 1
-        blocks = [
-            line(
-                instrument["instrument"],
-                instrument["set"] or "-",
-                read_words(instrument["read"], most * read_width),
-            )
-            for instrument in instruments
-        ]
-        first, end = window([len(block) for block in blocks], 0, room - len(heading))
+        room -= len(heading)
+        most = 2 if room >= 2 * len(instruments) else 1
+
+        def blocks_of(words: Callable[[Sequence[dict[str, Any]]], str]) -> list[list[Line]]:
+            return [
+                line(each["instrument"], each["set"] or "-", words(each["read"]))
+                for each in instruments
+            ]
+
+        blocks = blocks_of(one_a_line) if self._columns >= WIDE else []
+        if not blocks or sum(map(len, blocks)) > room:
+            blocks = blocks_of(lambda read: read_words(read, most * read_width))
+        first, end = window([len(block) for block in blocks], 0, room)
         left = len(blocks) - (end - first)
         after = self._lines(Text(f"{self._marks.more} {left} more", "dim"), width) if left else []
         return [*heading, *(line for block in blocks[first:end] for line in block), *after]
@@ -238,14 +276,54 @@ class Drawing:
         return self._lines(table, width) if interlocks else []
 
     def _trace(self, trace: Trace, width: int) -> list[Line]:
-        low, high = min(trace.values), max(trace.values)
-        unit = trace.unit
-        sentence = (
-            f"{trace.source} {trace.quantity}: {trace.values[-1]:.5g} {unit}, "
-            f"from {low:.5g} to {high:.5g} {unit} so far"
+        last, low, high = (
+            shown(value, trace.unit)
+            for value in (trace.values[-1], min(trace.values), max(trace.values))
         )
+        sentence = f"{trace.source} {trace.quantity}: {last}, from {low} to {high} so far"
         drawn = sparkline(trace.values, width, self._marks.levels)
         return [*self._lines(Text(sentence), width), *self._lines(Text(drawn, "cyan"), width)]
+
+
+def step_rows(picture: Picture, marks: Marks) -> list[tuple[str, ...]]:
+    """Return mark, state, number, title and time of each step."""
+    return [
+        (
+            marks.step(step["state"]),
+            step["state"].ljust(max(map(len, STEP_COLOURS))),
+            step["number"],
+            step["title"],
+            step_time(step, picture.times.elapsed_s),
+        )
+        for step in picture.state["steps"]
+    ]
+
+
+def step_time(step: dict[str, Any], now_s: float) -> str:
+    """Return how long a step took, or about how long it will take; nothing for no time."""
+    took_s, expected_s, began_s = step["took_s"], step["expected_s"], step["began_s"]
+    if took_s is None and began_s is not None:
+        expected_s = max(now_s - began_s, expected_s or 0.0)
+    time_s = expected_s if took_s is None else took_s
+    if time_s is None or round(time_s) < 1:
+        return ""
+    return span(time_s) if took_s is not None else f"~{span(time_s)}"
+
+
+def widths(rows: Sequence[Sequence[str]]) -> list[int]:
+    """Return the width of each column of rows."""
+    return [max(map(cell_len, column)) for column in zip(*rows, strict=True)]
+
+
+def needed(rows: Sequence[Sequence[str]]) -> int:
+    """Return the columns of a terminal that rows need, a blank between each two cells."""
+    return sum(widths(rows)) + len(rows[0]) - 1 if rows else 0
+
+
+def clock_words(time_s: float) -> str:
+    """Return a run time as a clock shows it: `0:18:05`."""
+    minutes, seconds = divmod(round(time_s), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}"
 
 
 def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
@@ -276,16 +354,26 @@ def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
 
     What there is no room for is counted.
     """
-    ordered = sorted(
-        read, key=lambda entry: not entry["text"][-1:].isalpha() or " " not in entry["text"]
-    )
-    parts = [f"{entry['quantity']} {entry['text']}{age_words(entry['age_s'])}" for entry in ordered]
+    parts = value_words(read)
     for kept in range(len(parts), 0, -1):
         more = len(parts) - kept
         line = ", ".join(parts[:kept]) + (f", +{more}" if more else "")
         if cell_len(line) <= room:
             return line
     return parts[0] if parts else "-"
+
+
+def one_a_line(read: Sequence[dict[str, Any]]) -> str:
+    """Return values as they were read, each on a line of its own."""
+    return "\n".join(value_words(read)) or "-"
+
+
+def value_words(read: Sequence[dict[str, Any]]) -> list[str]:
+    """Return each value as it was read, with its age, numbers before states."""
+    ordered = sorted(
+        read, key=lambda entry: not entry["text"][-1:].isalpha() or " " not in entry["text"]
+    )
+    return [f"{entry['quantity']} {entry['text']}{age_words(entry['age_s'])}" for entry in ordered]
 
 
 def age_words(age_s: float) -> str:

@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from station.files.faults import Fault, FaultList, dotted, listed, nearest
+from station.files.faults import Fault, FaultList, dotted, listed, nearest, not_there
 from station.files.lookup import PLANS, available, find, is_there
 from station.files.yaml.document import Document, Mark, Where, leaves, plain_scalar
 from station.files.yaml.reading import lookalikes, read_yaml, read_yaml_text
@@ -77,10 +77,9 @@ def base_path(plan: Document) -> Path:
         return find(PLANS, wanted)
     here = [path.stem for path in sorted(folder.glob(f"*{_SUFFIX}")) if path != plan.path]
     known = list(dict.fromkeys([*here, *named]))
-    hint = nearest(Path(wanted).name, known)
     what = f"there is no plan '{name}', neither as a file seen from this one nor by name"
-    what += "" if hint else f"; there are {listed(known)}"
-    raise FaultList([plan.fault((EXTENDS,), what, hint and f"'{hint}'")])
+    fault = not_there(what, Path(wanted).name, known)
+    raise FaultList([plan.fault((EXTENDS,), *fault)])
 
 
 def merged(layers: list[Document]) -> Document:

@@ -304,7 +304,8 @@ def plan_of(given: Document, procedures: KnownProcedures, overrides: Sequence[st
         limits, more = read_limits(document, procedure.results)
         faults += more
     elif isinstance(name, str) and name:
-        faults.append(document.fault(("procedure",), *not_there("procedure", name, procedures)))
+        fault = not_there(f"there is no procedure '{name}'", name, procedures)
+        faults.append(document.fault(("procedure",), *fault))
     # What could not be filled in is no fault of its own kind as well.
     known = {(fault.file, fault.line, fault.column) for fault in composition.faults}
     faults = [fault for fault in faults if (fault.file, fault.line, fault.column) not in known]

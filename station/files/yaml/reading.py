@@ -24,6 +24,7 @@ from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from yaml.resolver import Resolver
 
 from station.files.faults import Fault, FaultList, dotted
+from station.files.lookup import is_missing
 from station.files.yaml.document import TOP, Document, Mark, Where, plain_scalar
 
 _LOOKALIKES = {
@@ -242,6 +243,8 @@ def read_text(path: Path, most_bytes: int | None = None) -> str:
             raw = file.read() if most_bytes is None else file.read(most_bytes + 1)
     except (OSError, ValueError) as error:  # a name that holds a NUL is a ValueError
         what = f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
+        if is_missing(path):
+            what = "the path does not exist"
         raise FaultList([Fault(str(path), 1, 1, "file", what)]) from None
     if most_bytes is not None and len(raw) > most_bytes:
         what = f"the file has more than {most_bytes // 1000} kB; it is no plan, bench or dataset"

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import Field, WithJsonSchema
 
 from station.fields import Second, StrictModel, quantity_pattern
-from station.files.faults import Fault, listed, nearest
+from station.files.faults import Fault, listed, nearest, not_there
 from station.files.yaml.document import Document, Where
 from station.roles.role import CONTACT_STATES, Quantity, kind_of, quantities_of, role_of
 from station.safety.interlocks.conditions import (
@@ -253,9 +253,8 @@ class ConditionReader:
             what = f"{test} is for numbers; this is one of {listed(kind.states)}: write equals"
             self._fault(where, what)
         elif test and given not in kind.states:
-            hint = nearest(str(given), kind.states)
-            what = f"'{given}' is none of its states, {listed(kind.states)}"
-            self._fault(where, what, hint and f"'{hint}'")
+            what = f"'{given}' is none of its states"
+            self._fault(where, *not_there(what, str(given), kind.states))
         return str(given)
 
     def _range(self, test: str, given: Any, where: Where, kind: Quantity) -> tuple[float, float]:

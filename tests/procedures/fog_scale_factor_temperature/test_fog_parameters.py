@@ -141,6 +141,8 @@ def test_what_the_chamber_cannot_do_is_said(limits: dict[str, str], where: str, 
 def test_a_drive_must_be_a_file_with_the_columns_of_one(tmp_path: Path) -> None:
     missing = parameters(drive={"file": str(tmp_path / "drive.csv")})
     (problem,) = check(missing, bench())
+    assert problem.what == "the path does not exist"
+    (problem,) = check(parameters(drive={"file": "fog"}), bench())
     assert "neither as a file nor by name; there are fog-yard-laps" in problem.what
     (tmp_path / "drive.csv").write_text("t_s,heading_deg\n0,0\n", encoding="utf-8")
     problems = list(check(missing, bench()))

@@ -69,7 +69,7 @@ def test_a_procedure_says_which_files_it_needs(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_a_dataset_file_is_explained(tmp_path: Path) -> None:
-    with pytest.raises(FaultList, match=r"dataset.yaml:1:1: file: the file cannot be read"):
+    with pytest.raises(FaultList, match=r"dataset.yaml:1:1: file: the path does not exist"):
         read_dataset(tmp_path)
 
 

@@ -155,6 +155,7 @@ def test_a_limit_that_cannot_be_held_is_refused(limit: str, fault: str) -> None:
 def test_an_unknown_procedure_is_answered_with_the_one_that_was_meant() -> None:
     assert faults_of(GOOD.replace("shake-and-listen", "shake_and_lisen")) == [
         "2:12: procedure: there is no procedure 'shake_and_lisen'; did you mean 'shake-and-listen'"
+        "; there are shake-and-listen"
     ]
 
 
@@ -194,5 +195,33 @@ def test_a_plan_is_found_as_a_path_then_in_the_folder_then_in_the_package(
         (name, Path(where).as_posix()) for name, where in available(PLANS)
     ]
     assert read_plan(find(PLANS, "own"), PROCEDURES).dut.model == "M-1"
-    with pytest.raises(FaultList, match=r"no such plan.*own.*did you mean 'own'"):
+    said = r"no such plan, neither as a file nor by name; did you mean 'own'; there are .*own"
+    with pytest.raises(FaultList, match=said):
         find(PLANS, "owm")
+    with pytest.raises(FaultList, match=r"nor by name; there are .*own"):
+        find(PLANS, "zzz")
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("lose.yaml", "the path does not exist; did you mean 'loose.yaml'"),
+        ("config/plans/owm.yaml", f"did you mean '{Path('config', 'plans', 'own.yaml')}'"),
+        ("sim.yml", "the path does not exist; did you mean 'sim'"),
+        ("config/none", "the path does not exist"),
+        ("none/own.yaml", "the path does not exist: there is no folder none"),
+        ("config", "is a folder, not a file"),
+    ],
+)
+def test_a_path_that_is_not_there_is_said_to_be_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("config", "plans").mkdir(parents=True)
+    for file in (Path("loose.yaml"), Path("config", "plans", "own.yaml")):
+        file.write_text(GOOD, encoding="utf-8")
+    with pytest.raises(FaultList) as raised:
+        find(BENCHES, path)
+    (told,) = str(raised.value).splitlines()
+    assert said in told
+    assert "there are" not in told

@@ -233,8 +233,10 @@ def test_a_byte_order_mark_is_accepted_and_other_encodings_are_explained(tmp_pat
     file.write_bytes("a: 1\nb: 25 °C\n".encode("latin-1"))
     with pytest.raises(FaultList, match=r"plan.yaml:2:7: file: byte 0xb0 is not UTF-8"):
         read_yaml(file)
-    with pytest.raises(FaultList, match="cannot be read"):
+    with pytest.raises(FaultList, match="the path does not exist"):
         read_yaml(tmp_path / "absent.yaml")
+    with pytest.raises(FaultList, match="cannot be read"):
+        read_yaml(tmp_path)
 
 
 class Part(StrictModel):

@@ -112,7 +112,8 @@ def test_every_fault_of_a_bench_is_reported_at_once() -> None:
     assert faults == [
         "4:3: instruments.coil_suply.x: is no instrument that a procedure asks for; did you mean "
         "'coil_supply.x'",
-        "5:24: instruments.gaussmeter.driver: there is no driver 'f17'; did you mean 'f71'",
+        "5:24: instruments.gaussmeter.driver: there is no driver 'f17'; did you mean 'f71'; "
+        "there are bop, f71, pulse-board",
         '5:37: instruments.gaussmeter.serial: must be text, not 815; did you mean "0815"',
         "5:52: instruments.gaussmeter.limits.fild: is not known here; did you mean 'field'",
         "5:73: instruments.gaussmeter.limits.current: must be above 0, not '-1 A'",

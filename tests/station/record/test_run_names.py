@@ -43,7 +43,8 @@ def test_a_part_that_one_name_holds_is_that_run(runs: Path) -> None:
 
 def test_a_path_is_taken_as_it_is(runs: Path) -> None:
     assert find_run(runs, runs) == runs
-    assert find_run(Path("elsewhere/SN-0042"), runs) == Path("elsewhere/SN-0042")
+    with pytest.raises(InputError, match=r"the path elsewhere.SN-0042 does not exist"):
+        find_run(Path("elsewhere/SN-0042"), runs)
 
 
 def test_several_are_listed_newest_first_and_none_is_refused(runs: Path) -> None:

@@ -374,6 +374,8 @@ def test_the_quick_depth_says_that_it_is_quick(run: Path) -> None:
 def test_what_is_no_run_and_what_is_running_is_refused(run: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no run folder"):
         verify(tmp_path)
+    with pytest.raises(InputError, match=r"the path .*absent does not exist"):
+        verify(tmp_path / "absent")
     lock = FileLock(run / LOCK)
     try:
         with pytest.raises(InputError, match="is being run"):

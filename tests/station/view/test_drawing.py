@@ -12,7 +12,15 @@ from rich.console import Console
 
 from station.control.run_reader import Times
 from station.record.series import Trace
-from station.view.drawing import Drawing, Picture, age_words, read_words, time_words, window
+from station.view.drawing import (
+    Drawing,
+    Picture,
+    age_words,
+    read_words,
+    step_time,
+    time_words,
+    window,
+)
 from station.view.sparkline import sparkline
 
 NOW = datetime(2026, 3, 1, 14, 5, 27, tzinfo=UTC)
@@ -36,7 +44,14 @@ STATE: dict[str, Any] = {
     "sentence": "running",
     "message": "IA is being recorded",
     "steps": [
-        {"number": f"S{n}", "title": title, "state": "done" if n < 4 else "waits"}
+        {
+            "number": f"S{n}",
+            "title": title,
+            "state": "done" if n < 4 else "waits",
+            "began_s": 270.0 * n if n < 5 else None,
+            "took_s": 270.0 if n < 4 else None,
+            "expected_s": 264.4,
+        }
         for n, title in enumerate(TITLES)
     ],
     "units_done": 1,
@@ -44,6 +59,7 @@ STATE: dict[str, Any] = {
     "prompt": None,
     "safe": None,
     "left_out": [],
+    "log": [{"t": 30.0 * n, "text": f"sentence {n} of the log"} for n in range(40)],
 }
 STATE["steps"][4]["state"] = "now"
 TIMES = Times(1080.0, 1560.0, NOW + timedelta(seconds=1560))
@@ -68,7 +84,7 @@ LIVE: dict[str, Any] = {
         {"name": "coil-x-current", "state": "waits", "said": "3.4 A is above 3.35 A"},
     ],
 }
-TRACE = Trace("gyro_acquisition", "counts", "counts/s", [154.0, 155.5, 153.0, 154.59])
+TRACE = Trace("gyro_acquisition", "rate", "deg/h", [9.625, 9.72, 9.56, 9.662])
 PARTS = (
     "▶ running",
     "device RLG-50 SN-0042   14:05:27",
@@ -80,7 +96,7 @@ PARTS = (
     "▶ now   S4 Record N samples of the gyro, and the field",
     "✔ clear: ",
     "! true for a moment: coil-x-current (3.4 A is above 3.35 A)",
-    "gyro_acquisition counts: 154.59 counts/s, from 153 to 155.5 counts/s so far",
+    "gyro_acquisition rate: 9.662 deg/h, from 9.56 deg/h to 9.72 deg/h so far",
     *(set_ for _, set_, _ in READ),
     *(f"{key} {text}" for _, _, read in READ for key, text in read.items() if key != "output"),
 )
@@ -129,6 +145,42 @@ def test_a_wide_screen_shows_every_step_beside_the_values() -> None:
     lines = shown(picture(), 200, 49)
     assert all(any(title in line for line in lines) for title in TITLES)
     assert any(TITLES[0] in line and "read back" in line for line in lines)
+
+
+def test_a_very_wide_screen_is_used_over_its_whole_width_and_grows_no_higher() -> None:
+    lines = shown(picture(), 200, 49)
+    assert len(lines) < 25
+    (first,) = (line for line in lines if TITLES[0] in line)
+    assert re.search(r"4 min 30 s +instrument +set +read back +log$", first.rstrip())
+    assert lines[-1].endswith("0:19:30  sentence 39 of the log")  # the newest is the last
+    assert [line for line in lines if "sine 0.1 Hz, 3.33 A, 1 mT" in line]  # in one piece
+    assert "log" not in "\n".join(shown(picture(log=[]), 200, 49))
+
+
+@pytest.mark.parametrize("columns", [130, 140, 180, 240])
+def test_steps_get_what_their_titles_need_and_values_the_rest(columns: int) -> None:
+    lines = shown(picture(), columns, 49)
+    assert max(map(len, lines)) <= columns
+    (first,) = (line for line in lines if TITLES[0] in line)
+    assert first.index("instrument") <= 81
+    whole = [title for title in TITLES if any(title in line for line in lines)]
+    assert columns < 140 or len(whole) == len(TITLES)
+    (row,) = (line for line in lines if "current 2.774 A" in line)
+    assert "output on" not in row  # each value has a line
+
+
+def test_a_step_has_the_time_that_it_took_or_will_take() -> None:
+    times = {"began_s": 10.0, "took_s": None, "expected_s": 90.0}
+    assert step_time({**times, "took_s": 75.2}, 500.0) == "1 min 15 s"
+    assert step_time(times, 40.0) == "~1 min 30 s"
+    assert step_time(times, 200.0) == "~3 min 10 s"  # it takes longer than expected
+    assert step_time({**times, "began_s": None}, 500.0) == "~1 min 30 s"
+    assert step_time({**times, "took_s": 0.0}, 500.0) == ""
+    assert step_time({**times, "began_s": None, "expected_s": None}, 500.0) == ""
+    text = "\n".join(shown(picture(), 80, 40))
+    assert holds(text, "S3 Drive coil X with a sine of frequency f and amplitude M 4 min 30 s")
+    assert holds(text, "S5 Transform the record ~4 min 24 s")
+    assert "min 30 s" not in "\n".join(shown(picture(), 60, 40))  # titles come first
 
 
 @pytest.mark.parametrize("rows", range(8, 30))
