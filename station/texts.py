@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -29,6 +30,9 @@ REMEMBERED = 5000
 """Sentences of a language whose translation is not looked for again."""
 LONGEST = 2000
 """Signs of a text of which a translation is looked for."""
+BETWEEN = re.compile(r"(?<=[.!?…]) (?=[A-Z`])")
+"""What stands between two sentences."""
+WORD = re.compile(r"[A-Za-z\0]+")
 
 
 def languages() -> tuple[str, ...]:
@@ -101,6 +105,8 @@ class Pattern:
         self._parts = PLACE.split(english)[::2]
         self.letters = len("".join("".join(self._parts).split()))
         """So many of its signs are not values."""
+        # A word that touches a value may be a part of a longer one of the text.
+        self.words = {word for word in WORD.findall("\0".join(self._parts)) if "\0" not in word}
         names, parts = PLACE.findall(english), [re.escape(part) for part in self._parts]
         self.begins = "" if self._parts[0] else names[0]
         """The value with which it begins."""
@@ -135,26 +141,34 @@ def translator(language: str) -> Callable[[str], str]:
     # What a run says of a unit of work, or of a request, holds a sentence of the procedure's own.
     outer = catalogue(language, RUN).values()
     patterns.sort(key=lambda pattern: (pattern.other not in outer, -pattern.letters))
+    counts = Counter(word for pattern in patterns for word in pattern.words)
+    having: dict[str, list[int]] = {}
+    for index, pattern in enumerate(patterns):
+        rarest = min(pattern.words, key=lambda word: (counts[word], word), default="")
+        having.setdefault(rarest, []).append(index)
 
     @lru_cache(maxsize=REMEMBERED)
     def translated(text: str) -> str:
         for known in (text, text.replace("_", " ")):
             if known in exact:
                 return exact[known]
-        if (several := listed(text, "; ")) is not None:
-            return several
-        for pattern in patterns:
+        for parts, joint in ((BETWEEN.split(text), ""), (text.split("; "), "; ")):
+            if (several := listed(parts, joint)) is not None:
+                return several
+        words = {"", *WORD.findall(text)}
+        for index in sorted(index for word in words for index in having.get(word, ())):
+            pattern = patterns[index]
             given = pattern.values(text)
             values = {name: translated(value) for name, value in given.items()}
             begins = given.get(pattern.begins, "")
             if values and pattern.may_begin(begins, values.get(pattern.begins, "")):
                 return pattern.other.format(**values)
-        several = listed(text.replace(", and ", ", ").replace(" and ", ", "), ", ")
+        parts = text.replace(", and ", ", ").replace(" and ", ", ").split(", ")
+        several = listed(parts, ", ")
         return text if several is None else several
 
-    def listed(text: str, joint: str) -> str | None:
+    def listed(parts: Sequence[str], joint: str) -> str | None:
         """Return a list of what is known in the language; None for what is no such list."""
-        parts = text.split(joint)
         others = [translated(part) for part in parts] if len(parts) > 1 else parts
         if any(other == part for other, part in zip(others, parts, strict=True)):
             return None
