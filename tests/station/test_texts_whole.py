@@ -1,0 +1,80 @@
+"""No sentence that stands in the sources, and that a person reads, is without its translation."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from station.texts import Texts, languages
+
+WHOLE: tuple[str, ...] = ()
+"""Folders and files of which every sentence is translated."""
+KEPT = {
+    "station": set[str](),
+}
+"""Sentences that nobody reads on a screen or a page, by folder: what programs read, or names."""
+FEWEST = 3
+"""So many words make a sentence."""
+IDEOGRAPH = re.compile("[\u4e00-\u9fff]")
+WORD = re.compile(r"[A-Za-z]{2,}")
+QUOTED = re.compile(r"`[^`]*`|'[^']*'|--?[a-z]+|\S*[._/]\S*|°C")
+"""Names and commands, which are the same in every language."""
+LEFT_IN_ENGLISH = re.compile(r"(?:[A-Za-z]{2,} ){2,}[A-Za-z]{2,}")
+VALUE = "7"
+
+
+def sentences(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield line and text of each sentence of a source; a value is a 7; no docstring."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    parts = {
+        id(part)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.JoinedStr | ast.Expr)
+        for part in (node.values if isinstance(node, ast.JoinedStr) else (node.value,))
+    }
+    for node in ast.walk(tree):
+        if id(node) in parts:
+            continue
+        if isinstance(node, ast.JoinedStr):
+            text = "".join(
+                str(part.value) if isinstance(part, ast.Constant) else VALUE for part in node.values
+            )
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            text = node.value
+        else:
+            continue
+        if text.count(" ") >= FEWEST - 1 and len(WORD.findall(QUOTED.sub("", text))) >= FEWEST:
+            yield node.lineno, text.strip()
+
+
+def is_whole(text: str, language: str) -> bool:
+    """Return whether a sentence is translated, with no run of English words left in it."""
+    other = Texts(language)(text)
+    return bool(IDEOGRAPH.search(other)) and not LEFT_IN_ENGLISH.search(QUOTED.sub("", other))
+
+
+def left(folder: str, language: str = "zh") -> list[str]:
+    """Return the sentences of a folder or file that a language lacks, each with its place."""
+    path = Path(folder)
+    kept = set().union(*(texts for place, texts in KEPT.items() if folder.startswith(place)))
+    return [
+        f"{file}:{line}: {text}"
+        for file in sorted(path.rglob("*.py") if path.is_dir() else [path])
+        for line, text in sentences(file)
+        if text not in kept and not is_whole(text, language)
+    ]
+
+
+@pytest.mark.parametrize("folder", WHOLE)
+def test_no_sentence_of_the_sources_is_left_in_english(folder: str) -> None:
+    assert {name: left(folder, name) for name in languages()[1:]} == {"zh": []}
+
+
+if __name__ == "__main__":
+    import sys
+
+    print(*(text for folder in sys.argv[1:] for text in left(folder)), sep="\n")
