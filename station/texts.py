@@ -24,8 +24,10 @@ OF_PACKAGE = "texts"
 """The folder, in the package of a procedure, of its own catalogues: `texts/zh.json`."""
 PLACE = re.compile(r"\{(\w+)\}")
 """The place of a value in a sentence."""
-NUMBER, INSTRUMENT = "n", "instrument"
-"""What only a number fills; and, at the beginning, only the name of an instrument."""
+FORMS = {"n": "[-+]?[0-9.]+", "IA": "[-A-Z0-9]{1,3}"}
+"""What alone fills a place of that name: a number, an axis; other places hold anything."""
+INSTRUMENT = "instrument"
+"""What, at the beginning, only the name of an instrument fills."""
 REMEMBERED = 5000
 """Sentences of a language whose translation is not looked for again."""
 LONGEST = 2000
@@ -33,6 +35,8 @@ LONGEST = 2000
 BETWEEN = re.compile(r"(?<=[.!?…]) (?=[A-Z`])")
 """What stands between two sentences."""
 WORD = re.compile(r"[A-Za-z\0]+")
+SAME = re.compile(r"[-+]?[0-9.]+|[A-Z]{1,2}|[A-Za-z0-9]+_\w+")
+"""Numbers, axes and names of columns: the same in every language."""
 
 
 def languages() -> tuple[str, ...]:
@@ -111,7 +115,7 @@ class Pattern:
         self.begins = "" if self._parts[0] else names[0]
         """The value with which it begins."""
         values = [
-            f"(?P<{name}>{'[-+]?[0-9.]+' if name == NUMBER else '.+?'}){part}"
+            f"(?P<{name}>{FORMS.get(name, '.+?')}){part}"
             for name, part in zip(names, parts[1:], strict=True)
         ]
         self._pattern = re.compile("".join((parts[0], *values)), re.DOTALL)
@@ -122,7 +126,7 @@ class Pattern:
             from station.roles.role import role, role_of
 
             return role(role_of(value)) is not None
-        is_short = len(value) <= max(SHORT, 2 * self.letters)
+        is_short = len(value) <= max(SHORT, 2 * self.letters) or bool(SAME.fullmatch(value))
         return is_short or value != translation or not any(sign.isalpha() for sign in value)
 
     def values(self, text: str) -> dict[str, str]:
@@ -170,9 +174,10 @@ def translator(language: str) -> Callable[[str], str]:
     def listed(parts: Sequence[str], joint: str) -> str | None:
         """Return a list of what is known in the language; None for what is no such list."""
         others = [translated(part) for part in parts] if len(parts) > 1 else parts
-        if any(other == part for other, part in zip(others, parts, strict=True)):
+        kept = [part for part, other in zip(parts, others, strict=True) if part == other]
+        if len(parts) == 1 or not all(map(SAME.fullmatch, kept)):
             return None
-        return exact.get(joint, joint).join(others)
+        return (joint if len(kept) == len(parts) else exact.get(joint, joint)).join(others)
 
     return translated
 

@@ -84,10 +84,10 @@ def earth_flags(
 
     if abs(ratio) < zero:
         suits = suits_in(DEG_PER_H, 0.0)
-        likely = f": it fits if {named(suits)}" if suits else ""
-        sentence = (
-            f"{should}{likely}. Look at the unit of the output, whether the earth's rate was taken "
-            "off before, and whether the gyro works; every result goes with the unit."
+        likely = f"{should}: it fits if {named(suits)}." if suits else f"{should}."
+        sentence = likely + (
+            " Look at the unit of the output, whether the earth's rate was taken off before, and "
+            "whether the gyro works; every result goes with the unit."
         )
     elif abs(ratio) > 1.0 and (suits := suits_in(SMALLER, (reverse * earth) ** 2)):
         sentence = (

@@ -56,12 +56,12 @@ def axis_flags(analysed: AxisAnalysis, settings: AnalysisSettings) -> list[Flag]
 def _noise(analysed: AxisAnalysis, settings: AnalysisSettings) -> Iterator[Flag]:
     axis, fit, minimum = analysed.axis, analysed.fit, analysed.minimum
     for burst in analysed.bursts:
-        how = f"lies {burst.shift:.3g} deg/h beside the rest"
+        how = f"{axis} lies {burst.shift:.3g} deg/h beside the rest"
         if burst.scatter:
-            how = f"scatters {burst.scatter:.2g} times as much as the rest"
+            how = f"{axis} scatters {burst.scatter:.2g} times as much as the rest"
         sentence = (
             f"From {burst.begin_s:.5g} s to {burst.end_s:.5g} s of switch-on {burst.switch_on} "
-            f"{axis} {how}, which its noise does not do: {counted(burst.count, 'sample')} "
+            f"{how}, which its noise does not do: {counted(burst.count, 'sample')} "
             "left out. Look for a shock, a step or somebody at the plate."
         )
         details = {"count": burst.count, "begin_s": burst.begin_s, "end_s": burst.end_s}
@@ -142,8 +142,10 @@ def dataset_flags(
         raised += _labels(names, np.array(earth), read)
     interval_s = dataset.sample_interval_s
     gaps = sum((gaps_of(r.time_s, interval_s, settings.gap) for r in dataset.records), Gaps())
-    consequence = "short ones are bridged by what the noise lets stand there, long ones divide"
-    return raised + gaps.flags("The records have", interval_s, f"{consequence} the record")
+    consequence = (
+        "short ones are bridged by what the noise lets stand there, long ones divide the record"
+    )
+    return raised + gaps.flags("The records have", interval_s, consequence)
 
 
 def _copied(dataset: StaticDataset) -> Iterator[Flag]:
