@@ -125,7 +125,7 @@ class Pattern:
         if self.begins == INSTRUMENT:
             from station.roles.role import role, role_of
 
-            return role(role_of(value)) is not None
+            return " " not in value and role(role_of(value)) is not None
         is_short = len(value) <= max(SHORT, 2 * self.letters) or bool(SAME.fullmatch(value))
         return is_short or value != translation or not any(sign.isalpha() for sign in value)
 
