@@ -345,12 +345,12 @@ def _thermometers(dataset: FogDataset, name: str, table: TurnTable) -> Iterator[
             if count >= TURNS_IN_A_ROW and sets >= FROZEN_SETS and moved > MOVED_DEGC:
                 yield frozen(
                     f"The temperature of the {axis} gyro",
-                    f"{count} turns of `{name}`, at {pair[first, 0]:g} degC",
+                    f"{count} turns of `{name}`, at {pair[first, 0]:g} degC, though the "
+                    "temperature changed",
                     "the thermometer",
                     "Leave these rows out.",
                     {"rows": int(count)},
                     axis,
-                    though=", though the temperature changed",
                 )
                 break
     for axis, followed in courses.items():
@@ -480,18 +480,19 @@ def _repeats(dataset: FogDataset, name: str, table: TurnTable) -> Iterator[Flag]
     change = np.round(angles[:, 3:] - angles[:, :3], 7)
     unmoved = np.all(change == 0.0, axis=1) & (table.commanded_deg != 0.0)
     if no_chance(unmoved):
-        reading, count, though = "before the turn", int(unmoved.sum()), ", though the table turned"
+        reading = "The attitude before the turn"
+        extent = f"{int(unmoved.sum())} of {rows} turns of `{name}`, though the table turned"
     elif no_chance(same) or repeated > _most_by_chance(angles):
-        reading, count, though = "of another turn", repeated, ""
+        reading = "The attitude of another turn"
+        extent = f"{repeated} of {rows} turns of `{name}`"
     else:
         return
     yield frozen(
-        f"The attitude {reading}",
-        f"{count} of {rows} turns of `{name}`",
+        reading,
+        extent,
         "the navigator",
         "Leave these rows out.",
         {"rows": repeated, "file": name},
-        though=though,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
-from procedures.estimation.flags import not_identifiable, rows_listed, too_stiff
+from procedures.estimation.flags import counted, not_identifiable, rows_listed, too_stiff
 from station.findings import Flag, contradiction
 
 from .curve import Curve
@@ -96,14 +96,14 @@ def _gaps(turns: AxisTurns, settings: AnalysisSettings) -> list[Flag]:
     if not gaps and widest_degC <= settings.temperature_gap_degC:
         return []
     missing = int(np.sum(np.rint(steps / nominal_s) - 1.0))
-    lost = (
-        f"Sets of turns about {turns.axis} are missing: {gaps} interval{'s' if gaps > 1 else ''} "
-        f"longer than {settings.gap:g} times the usual {nominal_s:g} s; the"
-        if gaps
-        else f"The turns about {turns.axis} lie far apart in temperature: the"
-    )
+    lost = f"The turns about {turns.axis} lie far apart in temperature:"
+    if gaps:
+        lost = (
+            f"Sets of turns about {turns.axis} are missing: {counted(gaps, 'interval')} longer "
+            f"than {settings.gap:g} times the usual {nominal_s:g} s;"
+        )
     gap_text = (
-        f"{lost} widest stretch of temperature without a turn is {widest_degC:.1f} degC. In a "
+        f"{lost} the widest stretch of temperature without a turn is {widest_degC:.1f} degC. In a "
         f"stretch of more than {settings.temperature_gap_degC:g} degC the curve's uncertainty "
         "holds what higher orders may make; in one of more than "
         f"{WIDE * settings.temperature_gap_degC:g} degC no value is given."
@@ -299,11 +299,16 @@ def check_flags(fit: AxisFit, stated_ppm: float | None, settings: AnalysisSettin
     most_ppm = settings.noise_beyond_statement * (stated_ppm or np.inf)
     if noise is not None and noise > most_ppm and _usual_ppm(fit) > PLAINLY * most_ppm:
         few = fit.sets <= FEW_SETS
-        more = f"measure more sets ({fit.sets} show no curve of high order), " if few else ""
+        look = "look for what disturbs the turns, or state what is true"
+        if few:
+            look = (
+                f"look for what disturbs the turns, measure more sets ({fit.sets} show no curve of "
+                "high order), or state what is true"
+            )
         noise_text = (
             f"The noise of a turn about {fit.axis} is {noise:.3g} ppm; random walk, table and "
-            f"heading as stated make {stated_ppm:.2g} ppm. The uncertainty follows the data; look "
-            f"for what disturbs the turns, {more}or state what is true."
+            f"heading as stated make {stated_ppm:.2g} ppm. The uncertainty follows the data; "
+            f"{look}."
         )
         noisy = {"noise_ppm": noise, "stated_ppm": stated_ppm}
         flags.append(contradiction("angle_random_walk", noise_text, fit.axis, **noisy))

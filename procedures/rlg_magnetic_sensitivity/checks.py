@@ -108,15 +108,16 @@ def record_flags(record: FittedRecord, settings: AnalysisSettings) -> Iterator[F
         highest_Hz = max((driven.frequency_Hz for driven in segment.drive.values()), default=0.0)
         lost = loss(before.group, before.sample_interval_s, highest_Hz)
         samples_text = (
-            f"The {named} holds {samples} gyro samples, which were averaged in groups of "
-            f"{before.group}: it is evaluated as if sampled every {segment.sample_interval_s:g} "
-            f"s, with an uncertainty up to {100.0 * lost:.2g} % larger."
+            f"The record with {named} driven holds {samples} gyro samples, which were averaged in "
+            f"groups of {before.group}: it is evaluated as if sampled every "
+            f"{segment.sample_interval_s:g} s, with an uncertainty up to {100.0 * lost:.2g} % "
+            "larger."
         )
         details = {"count": samples, "group": before.group, "relative_loss": lost}
         yield Flag("samples-averaged", samples_text, axis, details)
     if rejected:
         outliers_text = (
-            f"{rejected} of {samples} gyro samples of the {named} lie more than "
+            f"{rejected} of {samples} gyro samples of the record with {named} driven lie more than "
             f"{settings.outlier:g} sigma from the fit and were left out."
         )
         yield Flag("outliers-rejected", outliers_text, axis, {"count": rejected})
@@ -129,14 +130,17 @@ def record_flags(record: FittedRecord, settings: AnalysisSettings) -> Iterator[F
         gaps = replace(gaps, missing=segment.places - len(segment.time_s) if gaps.count else 0)
     consequence = "the fit uses the time stamps"
     if gaps.missing:
-        consequence += ", the published formula needs an unbroken row and was not evaluated"
-    yield from gaps.flags(f"The {named} has", interval_s, consequence, axis)
+        consequence = (
+            "the fit uses the time stamps, the published formula needs an unbroken row and was not "
+            "evaluated"
+        )
+    yield from gaps.flags(f"The record with {named} driven has", interval_s, consequence, axis)
     if gyro.lag_one_correlation > settings.model_too_stiff:
-        yield too_stiff(gyro.lag_one_correlation, f" of the {named}", axis=axis)
+        yield too_stiff(gyro.lag_one_correlation, f" of the record with {named} driven", axis=axis)
     if gyro.drift_evident:
         drift_text = (
-            f"The output drifted in the {named}; a polynomial of order {gyro.drift_order} was "
-            "fitted with the lines and removed."
+            f"The output drifted in the record with {named} driven; a polynomial of order "
+            f"{gyro.drift_order} was fitted with the lines and removed."
         )
         yield Flag("drift-removed", drift_text, axis, {"order": gyro.drift_order})
 

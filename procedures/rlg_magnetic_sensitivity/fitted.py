@@ -52,8 +52,8 @@ class FittedRecord:
 
     @property
     def named(self) -> str:
-        """The record as a sentence names it."""
-        return f"record with {' and '.join(self.axes)} driven"
+        """The driven axes as a sentence names them."""
+        return " and ".join(self.axes)
 
     @cached_property
     def allan(self) -> AllanDeviation:

@@ -171,10 +171,10 @@ class RlgParameters(StrictModel):
         if given is None:
             decided = frequencies.with_first(axes, data["frequency_Hz"])
             if frequencies.choose(axes, record_s, interval_s, decided) is None:
-                raise ValueError(
-                    f"no {len(axes)} frequencies in a record of {record_s:g} s stand apart"
-                    f"{f' with {decided[0][1]:g} Hz' if decided else ''}; take a longer record"
-                )
+                none = f"no {len(axes)} frequencies in a record of {record_s:g} s stand apart"
+                if decided:
+                    none = f"{none} with {decided[0][1]:g} Hz"
+                raise ValueError(f"{none}; take a longer record")
             return None
         if set(given) != set(axes):
             raise ValueError(f"must name {', '.join(axes)}, each driven axis once")

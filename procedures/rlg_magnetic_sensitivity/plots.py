@@ -42,6 +42,7 @@ BEST = "best estimate with U (95 %)"
 PUBLISHED = "published formula (has no sign)"
 WITHIN = "within the limit"
 LIMIT = "limit"
+LEFT_OUT = "Samples left out of the fit are marked; arrows stand for those beyond the picture."
 
 
 def time_series(record: FittedRecord, lines: Sequence[LineDetail]) -> Plot:
@@ -150,17 +151,18 @@ def residuals(record: FittedRecord) -> Plot:
     normal = np.exp(-0.5 * (level / sigma) ** 2) / (np.sqrt(2.0 * np.pi) * sigma)
     normal *= heights.sum() * (edges[1] - edges[0])
     left_out = int((~kept).sum())
-    counted = " (counting whole pulses makes it negative)" if quantum > 0.0 else ""
-    outside = (
-        " Samples left out of the fit are marked; arrows stand for those beyond the picture."
-        if left_out
-        else ""
+    lag = signed(gyro.lag_one_correlation)
+    if quantum > 0.0:
+        lag = f"{lag} (counting whole pulses makes it negative)"
+    caption = (
+        f"Residuals should be noise without a shape. Their lag-1 correlation is {lag}; the curve "
+        "is a normal distribution of the same spread."
     )
+    if left_out:
+        caption = f"{caption} {LEFT_OUT}"
     return Plot(
         f"{joined(record.axes)} driven: what the fit leaves",
-        "Residuals should be noise without a shape. Their lag-1 correlation is "
-        f"{signed(gyro.lag_one_correlation)}{counted}; "
-        f"the curve is a normal distribution of the same spread.{outside}",
+        caption,
         (
             Panel(
                 (*items, Rule(y=0.0)),

@@ -43,6 +43,10 @@ ALLAN = (
     "quantisation, N angle random walk, B bias instability, K rate random walk. A short record "
     "says nothing of those that act in long times."
 )
+BESIDE = (
+    "Black bar: the amplitude that noise alone gives near f. Right: the same samples averaged over "
+    "the phase of the field, drift and other lines taken off; 0 deg is where the field is largest."
+)
 
 
 def spectrum(record: FittedRecord, lines: Sequence[LineDetail], *, published: bool = True) -> Plot:
@@ -51,8 +55,9 @@ def spectrum(record: FittedRecord, lines: Sequence[LineDetail], *, published: bo
     `published`: whether the published formula could read it.
     """
     several = len(lines) > 1
-    peaks = "Circles: the peaks" if several else "Circle: the peak"
-    peaks += " that the published formula reads (S7)."
+    peaks = "Circle: the peak that the published formula reads (S7)."
+    if several:
+        peaks = "Circles: the peaks that the published formula reads (S7)."
     if not published:
         peaks = (
             "The published formula cannot run on this record; its spectrum is drawn about the mean "
@@ -63,9 +68,7 @@ def spectrum(record: FittedRecord, lines: Sequence[LineDetail], *, published: bo
     )
     return Plot(
         f"{joined(record.axes)} driven: {where}",
-        f"{peaks} Black bar: the amplitude that noise alone "
-        " gives near f. Right: the same samples averaged over the phase of the field, "
-        "drift and other lines taken off; 0 deg is where the field is largest.",
+        f"{peaks} {BESIDE}",
         (_spectrum_panel(record, lines), _folded_panel(record, lines)),
         3.7,
         widths=(2.1, 1),

@@ -268,27 +268,32 @@ def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
     """Yield a flag for each difference that chance does not explain."""
     for test in (test for test in tested if test.differs):
         u = test.difference_uncertainty
-        whose = "" if test.axis is None else f" of {test.axis}"
+        value = "the magnetic sensitivity"
+        if test.axis is not None:
+            value = f"the magnetic sensitivity of {test.axis}"
         off = f"another one by {test.difference:+.2g} deg/h/mT ({test.difference / u:+.1f} u)"
         details = {"difference": test.difference, "standard_uncertainty": u}
         if test.check == "linearity":
             not_text = (
-                f"At {test.amplitude_mT:g} mT the magnetic sensitivity{whose} is {off}: the "
+                f"At {test.amplitude_mT:g} mT {value} is {off}: the "
                 "response is not in proportion to the field, as that of a shield near "
                 "saturation; state the sensitivity with its field."
             )
             yield Flag("not-linear", not_text, test.axis, details)
         elif test.check == "frequency":
             differs_text = (
-                f"At {test.frequency_Hz:.4g} Hz the magnetic sensitivity{whose} is {off}: a "
+                f"At {test.frequency_Hz:.4g} Hz {value} is {off}: a "
                 "delay, eddy currents and pickup grow with the frequency; the lower one is nearer "
                 "to a steady field."
             )
             yield Flag("differs-with-frequency", differs_text, test.axis, details)
         else:
+            line = f"{test.value:.2g} deg/h/mT"
+            if test.axis is not None:
+                line = f"{line} of {test.axis}"
             background_text = (
                 f"With the coils off the output has a line at {test.frequency_Hz:.4g} Hz that "
-                f"would pass for {test.value:.2g} deg/h/mT{whose}: something else acts at the "
-                "field's frequency; choose another frequency."
+                f"would pass for {line}: something else acts at the field's frequency; choose "
+                "another frequency."
             )
             yield Flag("background-line", background_text, test.axis, details)

@@ -99,7 +99,7 @@ class Patience:
             return None
         with self._run.clock.allow(reading_back_s(samples, self._run.parameters.sample_interval_s)):
             standings = standings_of(self._run, self._planned, facts)
-        self._standing = ", ".join(self._told(standing) for standing in standings)
+        self._standing = "; ".join(self._told(standing) for standing in standings)
         if is_enough(standings, self._stop):
             self._run.say(f"    {self._planned.unit}: enough: {self._standing}")
             return None
@@ -112,8 +112,8 @@ class Patience:
             return text
         interval_s = self._run.parameters.sample_interval_s
         left_s = max(self._planned.most - counted, 0) * interval_s
-        now = f", {self._standing}" if self._standing else ""
-        return f"{text}, looked at then, {span(left_s)} more at the most{now}"
+        text = f"{text}, looked at then, {span(left_s)} more at the most"
+        return f"{text}, {self._standing}" if self._standing else text
 
     def _told(self, standing: Standing) -> str:
         if standing.value is None or standing.standard_uncertainty is None or self._stop is None:
