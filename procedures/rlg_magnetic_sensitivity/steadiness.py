@@ -268,23 +268,20 @@ def flags_of(tested: Sequence[Tested]) -> Iterator[Flag]:
     """Yield a flag for each difference that chance does not explain."""
     for test in (test for test in tested if test.differs):
         u = test.difference_uncertainty
-        value = "the magnetic sensitivity"
-        if test.axis is not None:
-            value = f"the magnetic sensitivity of {test.axis}"
         off = f"another one by {test.difference:+.2g} deg/h/mT ({test.difference / u:+.1f} u)"
         details = {"difference": test.difference, "standard_uncertainty": u}
         if test.check == "linearity":
             not_text = (
-                f"At {test.amplitude_mT:g} mT {value} is {off}: the "
-                "response is not in proportion to the field, as that of a shield near "
+                f"At {test.amplitude_mT:g} mT the magnetic sensitivity of {test.axis} is {off}: "
+                "the response is not in proportion to the field, as that of a shield near "
                 "saturation; state the sensitivity with its field."
             )
             yield Flag("not-linear", not_text, test.axis, details)
         elif test.check == "frequency":
             differs_text = (
-                f"At {test.frequency_Hz:.4g} Hz {value} is {off}: a "
-                "delay, eddy currents and pickup grow with the frequency; the lower one is nearer "
-                "to a steady field."
+                f"At {test.frequency_Hz:.4g} Hz the magnetic sensitivity of {test.axis} is {off}: "
+                "a delay, eddy currents and pickup grow with the frequency; the lower one is "
+                "nearer to a steady field."
             )
             yield Flag("differs-with-frequency", differs_text, test.axis, details)
         else:
