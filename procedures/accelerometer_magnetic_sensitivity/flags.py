@@ -86,11 +86,11 @@ def result_flags(
     moved = [name for name, own in measured.terms.items() if own != planned.terms[name]]
     if moved:
         combinations = ", ".join(combination_text(measured.terms[name], 6) for name in moved)
+        what = f"what {listed(moved)} {'stands' if len(moved) == 1 else 'stand'} for"
         yield Flag(
             "field-differs-from-commanded",
             "The fields or angles that were measured are not those that were commanded, and move "
-            f"what {listed(moved)} stand{'s' if len(moved) == 1 else ''} for: {combinations}. The "
-            "terms given are those of the measured ones.",
+            f"{what}: {combinations}. The terms given are those of the measured ones.",
             details={"coefficients": moved},
         )
     weak = [

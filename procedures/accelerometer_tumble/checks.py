@@ -132,7 +132,9 @@ def _readings(dataset: TumbleDataset) -> list[Sequence[Reading[TumbleDataset]]]:
     """Return what laboratories mix up: rows of the output, plane or reversal of a mounting."""
     late = [
         Reading(
-            f"the outputs stand {abs(rows)} row(s) too {'late' if rows > 0 else 'early'}",
+            f"the outputs stand {rows} row(s) too late"
+            if rows > 0
+            else f"the outputs stand {-rows} row(s) too early",
             shifted(("output_V",), rows),
             "output_V",
             {"rows": rows},

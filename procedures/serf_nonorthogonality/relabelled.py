@@ -58,8 +58,10 @@ def reversals(commanded_nT: Array) -> Iterator[Reading[Array]]:
             meant = commanded_nT.copy()
             for axis in turned:
                 meant[rows, AXES.index(axis)] *= -1.0
-            were = f"coil {turned} was" if len(turned) == 1 else f"coils {turned} were"
-            yield _labels(f"{were} reversed in the shots of {coils}", rows, meant)
+            what = f"coils {turned} were reversed in the shots of {coils}"
+            if len(turned) == 1:
+                what = f"coil {turned} was reversed in the shots of {coils}"
+            yield _labels(what, rows, meant)
 
 
 def pairs_mistaken(commanded_nT: Array) -> Iterator[Reading[Array]]:

@@ -57,9 +57,9 @@ def why_without_signal(coils: str, pump_axis: str | None, probe_axis: str | None
     """Return why a field of these coils lets nothing be seen to precess, None where it does."""
     if coils not in (pump_axis, probe_axis) or pump_axis is None or probe_axis is None:
         return None
-    light = "pump" if coils == pump_axis else "probe"
+    light = "pump light" if coils == pump_axis else "probe light"
     return (
-        f"a field along {coils}, the {light} light, lets nothing be seen to precess; use coil "
+        f"a field along {coils}, the {light}, lets nothing be seen to precess; use coil "
         f"{single_axis(pump_axis, probe_axis)} for a single axis"
     )
 

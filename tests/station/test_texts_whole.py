@@ -15,6 +15,9 @@ WHOLE: tuple[str, ...] = (
     "procedures/estimation",
     "procedures/gyro_static_noise",
     "procedures/commissioning",
+    "procedures/accelerometer_magnetic_sensitivity",
+    "procedures/accelerometer_tumble",
+    "procedures/serf_nonorthogonality",
     "station/findings.py",
     "procedures/common",
     "procedures/fog_scale_factor_temperature",
@@ -26,6 +29,12 @@ KEPT = {
         "{name: 7, 7value: 7, unit: 7, standard_uncertainty: 7}",  # a line of a bench file
     },
     "procedures/rlg_magnetic_sensitivity": {"The record with 7 driven has"},  # gaps
+    "procedures/accelerometer_magnetic_sensitivity": {
+        "The rows have",
+        ", though the field changed",
+        ", while the output moves as with the angle",
+    },
+    "procedures/serf_nonorthogonality": {"The records have", "7 has no fit"},
 }
 """Sentences that nobody reads on a screen or a page, by folder: what programs read, or names."""
 PROGRAMS = {"procedures/fog_scale_factor_temperature/compensation.py"}
