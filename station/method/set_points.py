@@ -139,8 +139,10 @@ class BoundedQuantity:
 
 def too_much(unit: str) -> str:
     """Return the sentence of a set-point whose words hold no field."""
-    more = f"is more than the {{allowed:g}} {unit} that the bench allows for {{name}}"
-    return f"{{what}}: {{value:.4g}} {unit} {more}"
+    return (
+        f"{{what}}: {{value:.4g}} {unit} is more than the {{allowed:g}} {unit} that the bench "
+        "allows for {name}"
+    )
 
 
 def too_little(unit: str) -> str:

@@ -176,13 +176,17 @@ def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
         units = details["units_finished"]
         before = ", ".join(units) or "nothing"
         backwards = {key: details[key] for key in ("backwards_s",) if key in details}
-        warned = f" {runs_backwards(**backwards)}" if backwards else ""
         if len(units) > MAX_UNITS:
             before = f"{len(units)} units of work, the last {units[-1]}"
+        message = (
+            f"The run stopped at {details['stopped_s']:.0f} s of run time and was resumed "
+            f"{silence(details['silent_s'], backwards)} later; finished by then: {before}."
+        )
+        if backwards:
+            message += f" {runs_backwards(**backwards)}"
         yield Flag(
             "resumed",
-            f"The run stopped at {details['stopped_s']:.0f} s of run time and was resumed "
-            f"{silence(details['silent_s'], backwards)} later; finished by then: {before}.{warned}",
+            message,
             details={"stopped_s": details["stopped_s"], "gap_s": details["silent_s"], **backwards},
         )
         changed = details["software_changed"]

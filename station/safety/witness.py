@@ -40,6 +40,7 @@ TURNED = 4.0
 NOT_ASKED = "not asked: "
 NOT_DRIVEN = "nothing was driven that it could see"
 NOT_ALIKE = "it does not see now what it saw before: turned, or beyond its range"
+NOT_REACHED, STAND_STILL = "it cannot be reached", "its readings stand still"
 NOT_SEEN = "it saw no change of what was driven"
 
 
@@ -109,7 +110,7 @@ def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> Witnes
     if sighting.energised:
         return WitnessReport(name, sources, False, sighting.energised)
     if instrument is None:
-        return WitnessReport(name, sources, None, f"{NOT_ASKED}it cannot be reached")
+        return WitnessReport(name, sources, None, f"{NOT_ASKED}{NOT_REACHED}")
     try:
         looks = several_looks(name, instrument, clock, LOOKS)
     except InstrumentError as error:
@@ -121,7 +122,7 @@ def judge(sighting: Sighting, instrument: object | None, clock: Clock) -> Witnes
         return WitnessReport(name, sources, None, f"{NOT_ASKED}{NOT_ALIKE}")
     most = sorted(left)[-2]
     if sighting.spread and 0.0 < most < math.inf and stand_still(looks):
-        return WitnessReport(name, sources, None, f"{NOT_ASKED}its readings stand still")
+        return WitnessReport(name, sources, None, f"{NOT_ASKED}{STAND_STILL}")
     if not sighting.change:
         return _of_unseen(sighting, sources, most)
     largest = max(sighting.change.values())

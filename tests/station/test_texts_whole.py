@@ -22,6 +22,17 @@ WHOLE: tuple[str, ...] = (
     "procedures/common",
     "procedures/fog_scale_factor_temperature",
     "procedures/rlg_magnetic_sensitivity",
+    "station/console.py",
+    "station/control",
+    "station/findings.py",
+    "station/guardian",
+    "station/method",
+    "station/parts.py",
+    "station/procedure.py",
+    "station/recorded.py",
+    "station/results.py",
+    "station/runner",
+    "station/safety",
 )
 """Folders and files of which every sentence is translated."""
 KEPT = {
@@ -35,6 +46,19 @@ KEPT = {
         ", while the output moves as with the angle",
     },
     "procedures/serf_nonorthogonality": {"The records have", "7 has no fit"},
+    "station/control": {"ends the prompt"},  # a thread
+    "station/guardian": {"who holds the locks"},  # a thread
+    "station/runner": {  # by which an error is known
+        "annot allocate memory",
+        "failed to map segment",
+        "ut of memory",
+        "not enough memory",
+        "can't start new thread",
+        "can't allocate lock",
+        "without setting an exception",
+        "without exception set",
+        "there is no 7",  # of two programs, each with a sentence
+    },
 }
 """Sentences that nobody reads on a screen or a page, by folder: what programs read, or names."""
 PROGRAMS = {"procedures/fog_scale_factor_temperature/compensation.py"}
