@@ -17,6 +17,7 @@ from typing import Any, TextIO, cast
 
 from station.clock import RealClock
 from station.errors import StationError
+from station.speech import said
 
 MAX_WAITING = 500
 """Pieces of text that wait for a terminal."""
@@ -210,9 +211,12 @@ def open_on_nothing(handle: int) -> int | None:
 
 
 def tell(text: str, end: str = "\n") -> None:
-    """Write a line to standard error, or nothing where nobody reads it any more."""
+    """Write a line to standard error in the language of this terminal.
+
+    Nothing is written where nobody reads it any more.
+    """
     try:
-        sys.stderr.write(text + end)
+        sys.stderr.write(said(text) + end)
         sys.stderr.flush()
     except (OSError, ValueError):  # a broken pipe, a closed terminal: the record has it all
         return

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from station import registry
 
-ENGLISH, PANEL, REPORT, RUN = "en", "panel", "report", "run"
+ENGLISH, PANEL, REPORT, RUN, TERMINAL = "en", "panel", "report", "run", "terminal"
 SHORT = 8
 """So long are the names of axes, of coefficients, and numbers at most."""
 FOLDER = Path(__file__).parent / "catalogues"
@@ -48,7 +48,7 @@ def languages() -> tuple[str, ...]:
 def catalogue(language: str, room: str) -> dict[str, str]:
     """Return the translation of each English sentence of a room of the station; none for English.
 
-    The rooms are the panel's own pages, reports, and what runs say.
+    The rooms are the panel's own pages, reports, what runs say, and the terminal.
     """
     if language == ENGLISH:
         return {}
@@ -96,6 +96,7 @@ def whole(language: str) -> dict[str, str]:
     return {
         **dict(of_packages(language)),
         **{english: other for english, other in pages if not PLACE.search(english)},
+        **catalogue(language, TERMINAL),
         **catalogue(language, RUN),
         **catalogue(language, REPORT),
     }
@@ -105,7 +106,7 @@ class Pattern:
     """A sentence that holds values."""
 
     def __init__(self, english: str, other: str) -> None:
-        self.other = other
+        self.english, self.other = english, other
         self._parts = PLACE.split(english)[::2]
         self.letters = len("".join("".join(self._parts).split()))
         """So many of its signs are not values."""
@@ -126,8 +127,11 @@ class Pattern:
             from station.roles.role import role, role_of
 
             return " " not in value and role(role_of(value)) is not None
-        is_short = len(value) <= max(SHORT, 2 * self.letters) or bool(SAME.fullmatch(value))
-        return is_short or value != translation or not any(sign.isalpha() for sign in value)
+        is_name = bool(SAME.fullmatch(value)) or (" " not in value and not value.isalpha())
+        is_short = len(value) <= max(SHORT, 2 * self.letters)
+        return (
+            is_name or is_short or value != translation or not any(sign.isalpha() for sign in value)
+        )
 
     def values(self, text: str) -> dict[str, str]:
         """Return the values of a text; none where it is another sentence."""
@@ -156,20 +160,29 @@ def translator(language: str) -> Callable[[str], str]:
         for known in (text, text.replace("_", " ")):
             if known in exact:
                 return exact[known]
-        for parts, joint in ((BETWEEN.split(text), ""), (text.split("; "), "; ")):
-            if (several := listed(parts, joint)) is not None:
-                return several
+        if (several := listed(BETWEEN.split(text), "")) is not None:
+            return several
+        if "; " in text and (whole_sentence := filled(text, "; ")) is not None:
+            return whole_sentence
+        if (several := listed(text.split("; "), "; ")) is not None:
+            return several
+        if (sentence := filled(text)) is not None:
+            return sentence
+        parts = text.replace(", and ", ", ").replace(" and ", ", ").split(", ")
+        several = listed(parts, ", ")
+        return text if several is None else several
+
+    def filled(text: str, holding: str = "") -> str | None:
+        """Return a text as a pattern has it that holds something itself; None where none fits."""
         words = {"", *WORD.findall(text)}
         for index in sorted(index for word in words for index in having.get(word, ())):
             pattern = patterns[index]
-            given = pattern.values(text)
+            given = pattern.values(text) if holding in pattern.english else {}
             values = {name: translated(value) for name, value in given.items()}
             begins = given.get(pattern.begins, "")
             if values and pattern.may_begin(begins, values.get(pattern.begins, "")):
                 return pattern.other.format(**values)
-        parts = text.replace(", and ", ", ").replace(" and ", ", ").split(", ")
-        several = listed(parts, ", ")
-        return text if several is None else several
+        return None
 
     def listed(parts: Sequence[str], joint: str) -> str | None:
         """Return a list of what is known in the language; None for what is no such list."""

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from io import StringIO
 from typing import NoReturn
 
 SHOW_TRACEBACK = "STATION_TRACEBACK"
@@ -39,7 +40,9 @@ def main() -> None:
         reason_of,
     )
     from station.packages import clashes, why_broken
+    from station.speech import HERE, of_environment
 
+    HERE.language = of_environment()
     try:
         if (broken := why_broken()) is not None:
             raise StationError(broken)
@@ -55,7 +58,9 @@ def main() -> None:
     except Exception as error:  # a fault of ours must not look like a result outside its limit
         show = getattr(error, "show", None)
         if show is not None:  # a wrong command line, in the words of the library that reads it
-            show()
+            words = StringIO()
+            show(file=words)
+            tell(words.getvalue(), end="")
             _exit(str(getattr(error, "format_message", error.__str__)()), EXIT_WRONG_INPUT)
         if os.environ.get(SHOW_TRACEBACK):
             raise

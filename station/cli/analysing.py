@@ -29,6 +29,7 @@ from station.runner.evaluation import (
     write_results,
     write_revision,
 )
+from station.speech import said, show
 
 
 def print_document(document: ResultDocument) -> None:
@@ -37,20 +38,20 @@ def print_document(document: ResultDocument) -> None:
     for result in document.results:
         estimate, combined = result.estimate, result.combined
         value, uncertainty = format_result(result)
-        line = f"{estimate.measures} {estimate.axis or '':<3} {value:>10}"
+        line = f"{said(estimate.measures)} {estimate.axis or '':<3} {value:>10}"
         if combined:
             line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"
         if estimate.holds_at:
-            line += f" at {estimate.holds_at}"
+            line += said(f" at {estimate.holds_at}")
         other = published.get((estimate.name, estimate.axis))
         if other is not None and other.value is not None:
-            line += f"   as published {format_like(other.value, value)}"
+            line += said(f"   as published {format_like(other.value, value)}")
         if result.limit is not None:
-            line += f"   {result.decision.verdict}"
+            line += said(f"   {result.decision.verdict}")
         print(line)
     for flag in document.flags:
-        print(f"{flag.code}{f' {flag.axis}' if flag.axis else ''}: {flag.message}")
-    print(f"verdict: {document.verdict}")
+        print(f"{flag.code}{f' {flag.axis}' if flag.axis else ''}: {said(flag.message)}")
+    show(f"verdict: {document.verdict}")
 
 
 def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: bool) -> int:

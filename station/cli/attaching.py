@@ -19,6 +19,7 @@ from typing import IO, Any, NoReturn
 
 from station.cli.analysing import name_unused, print_document
 from station.cli.controlling import abort_run
+from station.cli.groups import LANG
 from station.cli.running import ANNOUNCE, may_ask
 from station.clock import RealClock, boot_seconds, local_time, utc_now
 from station.console import span, tell
@@ -37,6 +38,7 @@ from station.record.layout import EVENTS, LOCK, RUN
 from station.record.run_state import RunState
 from station.runner.evaluation import evaluate_run, exit_code_of
 from station.runner.progress import Progress, time_of_day
+from station.speech import ENGLISH, answered, show
 
 LOOKS_EVERY_S = 0.2
 """Real time between two looks at the log."""
@@ -60,8 +62,8 @@ def run_detached(arguments: Sequence[str], *, as_json: bool = False) -> int:
     if as_json:
         print(json.dumps({"run": str(folder), "process": process.pid, "exit_code": EXIT_DONE}))
         return EXIT_DONE
-    print(f"the run goes on in process {process.pid}, without this terminal")
-    print(f"to watch it and answer its prompts: station attach {quote(str(folder))}")
+    show(f"the run goes on in process {process.pid}, without this terminal")
+    show(f"to watch it and answer its prompts: station attach {quote(str(folder))}")
     return EXIT_DONE
 
 
@@ -116,7 +118,7 @@ def begin(
     with tempfile.TemporaryDirectory(prefix="station-") as place:
         announced = Path(place) / "folder"
         process = subprocess.Popen(
-            [sys.executable, "-m", "station", *arguments],
+            [sys.executable, "-m", "station", *in_english(arguments)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -134,6 +136,17 @@ def begin(
             return process, None
         began.set()
         return process, Path(announced.read_text(encoding="utf-8"))
+
+
+def in_english(arguments: Sequence[str]) -> list[str]:
+    """Return a command line whose process says everything in English: who shows it translates."""
+    kept, rest = [], iter(arguments)
+    for argument in rest:
+        if argument == LANG:
+            next(rest, None)
+        elif not argument.startswith(f"{LANG}="):
+            kept.append(argument)
+    return [LANG, ENGLISH, *kept]
 
 
 def relayed(messages: IO[bytes], began: Event, show: Callable[[str], None]) -> None:
@@ -203,7 +216,7 @@ def how_it_ended(folder: Path, failure: str) -> int:
         document, _ = evaluate_run(run)
         name_unused(run)
         print_document(document)
-        print(f"report: {folder / REPORT}")
+        show(f"report: {folder / REPORT}")
         ask_what_was_left(folder)
         return exit_code_of(document)
     failed = ended.process.failed
@@ -359,6 +372,7 @@ class Viewer:
                 return
             if line is None:
                 continue
+            line = answered(line)
             if line.strip().lower() == DETACH:
                 self._leaves = True
                 return

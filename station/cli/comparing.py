@@ -10,6 +10,7 @@ from station.record.comparison import Comparison, Difference, ResultPair, compar
 from station.record.layout import BENCH, PLAN, RUN
 from station.record.verification import refuse_unproven
 from station.report.numbers import format_number, format_with_uncertainty
+from station.speech import cells, said
 
 ALIKE = "alike in both"
 
@@ -38,12 +39,12 @@ def lines(comparison: Comparison) -> Iterator[str]:
         "software": comparison.software,
     }
     for name, differences in parts.items():
-        yield f"{name}:" + ("" if differences else f"  {ALIKE}")
+        yield said(f"{name}:" + ("" if differences else f"  {ALIKE}"))
         yield from table([_row(difference) for difference in differences])
-    yield "results:"
+    yield said("results:")
     yield from table(
         [
-            ("", "A", "B", "unit", "B - A", "in u"),
+            ("", "A", "B", said("unit"), "B - A", said("in u")),
             *(_result(result) for result in comparison.results),
         ]
     )
@@ -51,10 +52,12 @@ def lines(comparison: Comparison) -> Iterator[str]:
 
 def table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield rows with their columns in line."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths = [max(map(cells, column)) for column in zip(*rows, strict=True)]
     for row in rows:
-        cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
-        yield f"  {'  '.join(cells)}".rstrip()
+        padded = (
+            cell + " " * (width - cells(cell)) for cell, width in zip(row, widths, strict=True)
+        )
+        yield f"  {'  '.join(padded)}".rstrip()
 
 
 def _row(difference: Difference) -> tuple[str, str, str]:
@@ -66,7 +69,7 @@ def _row(difference: Difference) -> tuple[str, str, str]:
 
 def _result(pair: ResultPair) -> tuple[str, ...]:
     """Return a row; the difference has the digits that the larger uncertainty gives a meaning."""
-    title = " ".join(filter(None, (pair.name.replace("_", " "), pair.axis)))
+    title = " ".join(filter(None, (said(pair.name.replace("_", " ")), pair.axis)))
     first, second = (
         " ± ".join(format_with_uncertainty(value, u)) if u is not None else format_number(value)
         for value, u in (

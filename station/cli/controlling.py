@@ -31,6 +31,7 @@ from station.record.events import whole_bench
 from station.record.layout import LOCK
 from station.record.run_state import RunState
 from station.safety.acknowledgement import acknowledge, addresses_in, user_name
+from station.speech import said, show
 
 REPEATS_EVERY_S = 10.0
 """Real time between two words of progress."""
@@ -95,10 +96,10 @@ def pause_run(run: Path, *, as_json: bool) -> int:
         print_json({"run": str(run), "outcome": outcome, "devices": devices}, exit_code)
         return exit_code
     for name, word in devices.items():
-        print(f"{name:<20}{word}")
+        print(f"{name:<20}{said(word)}")
     match outcome:
         case "paused":
-            print(f"paused; `station resume {run}` goes on, `station abort {run}` ends the run")
+            show(f"paused; `station resume {run}` goes on, `station abort {run}` ends the run")
         case "refused":
             tell("the pause is refused, the run goes on")
         case _:
@@ -245,13 +246,13 @@ def say_how_it_ended(
         read_back = {"safe_state": outcomes or [], "left_out": left_out}
         print_json({**data, **read_back}, exit_code)
         return exit_code
-    print(f"the run: {message}")
+    show(f"the run: {message}")
     for outcome in outcomes or ():
         name = outcome["instrument"]
-        print(f"{name:<20}{outcome['read_back'].removeprefix(name + ': ')}")
+        print(f"{name:<20}{said(outcome['read_back'].removeprefix(name + ': '))}")
     if safe:
         used = "every instrument that the run used was read back as safe, others were not read yet"
-        print(whole_bench(left_out, state.age()) if ended else used)
+        show(whole_bench(left_out, state.age()) if ended else used)
     elif outcomes is None:
         tell(
             "NOT VERIFIED: how the bench was left is unknown; go to it now, and switch off by hand "
@@ -292,6 +293,6 @@ def acknowledge_bench(name: str, *, as_json: bool) -> None:
             )
         )
     elif trip is None:
-        print(f"{name}: no interlock waits to be acknowledged")
+        show(f"{name}: no interlock waits to be acknowledged")
     else:
-        print(f"{name}: acknowledged: {trip.message} ({trip.tripped_utc}, {trip.run})")
+        show(f"{name}: acknowledged: {trip.message} ({trip.tripped_utc}, {trip.run})")

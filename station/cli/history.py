@@ -14,6 +14,7 @@ from station.history.series import Series, series_of
 from station.history.store import Entry, History, Wanted
 from station.record.files import write_whole_file
 from station.report.numbers import format_with_uncertainty
+from station.speech import cells, said, show
 
 NEWEST = 20
 """How many runs of a row are printed; the page and --json have all."""
@@ -37,7 +38,7 @@ def show_history(
     elif entries:
         print("\n\n".join("\n".join(lines(series)) for series in series_of(entries)))
     else:
-        print(f"no results {about(wanted)}")
+        show(f"no results {about(wanted)}")
 
 
 def about(wanted: Wanted) -> str:
@@ -56,16 +57,18 @@ def about(wanted: Wanted) -> str:
 def lines(series: Series) -> list[str]:
     """Return the newest runs of a row, a line each, under its title."""
     shown = series.entries[-NEWEST:]
-    cells = [_cells(entry) for entry in shown]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    rows = [
-        "  "
-        + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    ]
+    rows = [_cells(entry) for entry in shown]
+    widths = [max(map(cells, column)) for column in zip(*rows, strict=True)]
+    padded = (
+        "  ".join(
+            cell + " " * (width - cells(cell)) for cell, width in zip(row, widths, strict=True)
+        )
+        for row in rows
+    )
     more = len(series.entries) - len(shown)
-    head = f"{series.procedure}  {series.title}, {series.unit}"
-    return [head + (f"  ({more} earlier runs not shown)" if more else ""), *rows, *_verdict(series)]
+    head = f"{series.procedure}  {said(series.title)}, {series.unit}"
+    left_out = said(f"  ({more} earlier runs not shown)") if more else ""
+    return [head + left_out, *(f"  {row}".rstrip() for row in padded), *_verdict(series)]
 
 
 def _cells(entry: Entry) -> Sequence[str]:
@@ -75,7 +78,7 @@ def _cells(entry: Entry) -> Sequence[str]:
         entry.started_utc[:16].replace("T", " "),
         entry.serial,
         number,
-        entry.verdict,
+        said(entry.verdict),
         entry.run,
     )
 
@@ -85,7 +88,8 @@ def _verdict(series: Series) -> list[str]:
     sentences = []
     cpk = series.capability()
     if cpk is not None:
-        sentences.append(f"  Cpk over {len(series.newest_of_each_unit())} units: {cpk:.2f}")
+        units = len(series.newest_of_each_unit())
+        sentences.append(said(f"  Cpk over {units} units: {cpk:.2f}"))
     return sentences
 
 
@@ -98,4 +102,4 @@ def _write(page: Path, entries: Sequence[Entry], wanted: Wanted) -> None:
         write_whole_file(page, page_of(series_of(entries), f"Results {about(wanted)}.").encode())
     except OSError as error:
         raise InputError(f"cannot write {page}: {error.strerror}") from error
-    print(f"history: {page}")
+    show(f"history: {page}")

@@ -16,6 +16,7 @@ from typing import Any
 from station import registry
 from station.cli.validating import read_bench_named, read_served
 from station.clock import RealClock
+from station.console import tell
 from station.control.signals import wishes
 from station.errors import EXIT_DONE, EXIT_FAULT, InputError
 from station.instruments.bench import Bench
@@ -24,6 +25,7 @@ from station.instruments.opening import Probe, explained, probe
 from station.instruments.scan import draft, scan
 from station.procedure import procedure_of
 from station.runner.session import BenchSession, serve_bench
+from station.speech import said
 
 MAX_AT_ONCE = 1 << 16
 LOOKS_EVERY_S = 0.2
@@ -37,7 +39,7 @@ def identify_bench(bench_name: str, mounted: str, *, as_json: bool) -> int:
         print(json.dumps([row.to_data() for row in rows], indent=1, ensure_ascii=False))
     else:
         for row in rows:
-            print(f"{'ok   ' if row.ok else 'WRONG'} {row.name:<27} {row.said}")
+            print(f"{said('ok   ' if row.ok else 'WRONG')} {row.name:<27} {said(row.said)}")
     return EXIT_DONE if all(row.ok for row in rows) else EXIT_FAULT
 
 
@@ -66,12 +68,10 @@ def print_scan(hosts: Sequence[str], library: str, served: Path | None, *, as_js
         for answer in seen:
             mark = "     " if not answer.answered else "ok   " if answer.driver else "?    "
             answer_text = f"{answer.driver}: {answer.said}" if answer.driver else answer.said
-            print(f"{mark} {answer.address:<36} {answer_text}", file=sys.stderr)
+            tell(f"{mark} {answer.address:<36} {answer_text}")
         print(draft(seen), end="")
     if not answered:
-        print(
-            "nothing answers; switch the instruments on, or name hosts with --host", file=sys.stderr
-        )
+        tell("nothing answers; switch the instruments on, or name hosts with --host")
     return EXIT_DONE if answered else EXIT_FAULT
 
 
@@ -105,7 +105,7 @@ def serve(bench_name: str, procedure: str, speed: float, *, until_stdin_closes: 
     }
     try:
         print(json.dumps(head), flush=True)
-        print(f"serving {bench.name}; Ctrl-C ends it", file=sys.stderr)
+        tell(f"serving {bench.name}; Ctrl-C ends it")
         ended.wait()
     finally:
         simulation.close()
@@ -116,11 +116,11 @@ def answer_lines(simulation: Any, ended: Event, until_stdin_closes: bool) -> Non
     """Inject the fault that each line of standard input describes; `report` asks for the world."""
     for line in lines_of_input(ended):
         if line.strip():
-            print(simulation.answer(line), file=sys.stderr, flush=True)
+            tell(simulation.answer(line))
     if until_stdin_closes:
         ended.set()
     elif not ended.is_set() and sys.stdin is not None and sys.stdin.isatty():
-        print("the input has ended: no further fault is taken; Ctrl-C ends this", file=sys.stderr)
+        tell("the input has ended: no further fault is taken; Ctrl-C ends this")
 
 
 def lines_of_input(ended: Event) -> Iterator[str]:

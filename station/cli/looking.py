@@ -18,6 +18,7 @@ from station.record.run_list import newest_runs
 from station.record.run_names import RUNS
 from station.record.run_state import SENTENCES
 from station.record.verification import quick_look
+from station.speech import padded, said, show
 
 
 def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> None:
@@ -35,12 +36,12 @@ def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> 
         print(json.dumps(tables, indent=1, ensure_ascii=False))
         return
     for what, rows in tables.items():
-        print(f"{what}:")
+        show(f"{what}:")
         width = max((len(row["name"]) for row in rows), default=0)
         for row in rows:
-            print(f"  {row['name']:<{width}}  {row['about']}".rstrip())
+            print(f"  {row['name']:<{width}}  {said(row['about'])}".rstrip())
         if not rows:
-            print("  none")
+            show("  none")
 
 
 def entries(kind: str, search: str = "") -> list[dict[str, Any]]:
@@ -93,9 +94,9 @@ def print_status(run: Path | None, *, as_json: bool) -> None:
         print(json.dumps({**status.to_data(), "record": kept}, indent=1, ensure_ascii=False))
         return
     for name, text in rows(status):
-        print(f"{name:<16}{text}")
+        print(f"{padded(name, 16)}{said(text)}")
     if not record.going_on:
-        print(f"{'record':<16}{record.sentence()}")
+        print(f"{padded('record', 16)}{said(record.sentence())}")
 
 
 def rows(status: Status) -> list[tuple[str, str]]:

@@ -13,8 +13,9 @@ from string import Template
 from station import registry
 from station.console import tell
 from station.errors import InputError
-from station.files.faults import not_there
+from station.files.faults import meant, not_there
 from station.files.lookup import BENCHES, PLANS, available, find
+from station.speech import show
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 USUAL = "rlg-magnetic-sensitivity"
@@ -54,7 +55,7 @@ def write_new(kind: str, name: str, base: str | None = None) -> None:
                 file.write(text)
         except OSError as error:
             raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
-        print(f"written: {path}")
+        show(f"written: {path}")
     tell("next:\n" + "\n".join(f"  {line}" for line in following))
 
 
@@ -63,7 +64,7 @@ def plan(name: str, base: str) -> tuple[dict[Path, str], list[str]]:
     plans = free(PLANS, "plan", name)
     if base not in plans:
         what, hint = not_there("plan", base, plans)
-        raise InputError(f"--extends: {what}" + (f"; did you mean {hint}" if hint else ""))
+        raise InputError(f"--extends: {meant(what, hint)}")
     own = find(PLANS, base).read_text(encoding="utf-8", errors="replace")
     stated = own[own.find("\nparameters:") + 1 :].splitlines() if "\nparameters:" in own else []
     values = {"name": name, "base": base, "parameters": "\n".join(map(commented, stated))}

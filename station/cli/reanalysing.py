@@ -13,6 +13,7 @@ from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
 from station.reanalysis.one_run import Row
 from station.record.layout import EVENTS
+from station.speech import show
 
 TABLE = "analysis.parquet"
 SAYS_EVERY_S = 5.0
@@ -94,23 +95,23 @@ def summary_of(rows: Sequence[Row], runs: int, file: Path) -> dict[str, Any]:
 def print_summary(summary: dict[str, Any], recalled: str | None) -> None:
     """Print a summary for a person; `recalled` is the certificate that was asked about."""
     if recalled is not None:
-        print(f"{summary['evaluated']} of {summary['runs']} runs used certificate {recalled}")
+        show(f"{summary['evaluated']} of {summary['runs']} runs used certificate {recalled}")
     else:
-        print(f"{summary['evaluated']} of {summary['runs']} runs evaluated again")
-    print(f"{summary['changed']} of {summary['results']} results differ from the stored ones")
+        show(f"{summary['evaluated']} of {summary['runs']} runs evaluated again")
+    show(f"{summary['changed']} of {summary['results']} results differ from the stored ones")
     for row in summary["largest_changes"]:
         moved = "" if row["change_in_u"] is None else f", {row['change_in_u']:+.3g} u"
-        print(
+        show(
             f"  {row['run']} {row['name']} {row['axis'] or ''}: {row['stored_value']} → "
             f"{row['value']} {row['unit']}{moved}"
         )
     if summary["changed"] > MAX_LISTED:
-        print(f"  {summary['changed'] - MAX_LISTED} more are in the table")
+        show(f"  {summary['changed'] - MAX_LISTED} more are in the table")
     for run in summary["verdicts_changed"]:
-        print(f"another verdict: {run}")
+        show(f"another verdict: {run}")
     for folder, why in summary["failed"].items():
-        print(f"cannot be evaluated: {folder}: {why}")
-    print(f"written: {summary['table']}")
+        show(f"cannot be evaluated: {folder}: {why}")
+    show(f"written: {summary['table']}")
 
 
 def _has_changed(row: Row) -> bool:

@@ -9,6 +9,7 @@ from station.console import tell
 from station.errors import EXIT_DONE, EXIT_OUTSIDE_LIMIT
 from station.replay.regression_test import write_test
 from station.replay.replaying import replay
+from station.speech import show
 
 
 def replay_run(folder: Path, test: Path | None, *, as_json: bool) -> int:
@@ -18,7 +19,7 @@ def replay_run(folder: Path, test: Path | None, *, as_json: bool) -> int:
         print(json.dumps(deviations.to_data(), indent=1, ensure_ascii=False))
     else:
         for line in deviations.lines():
-            print(line)
+            show(line)
     if test is not None:
         write_test(folder, test)
         tell(f"regression test: {test}")

@@ -41,6 +41,7 @@ from station.runner.outcome import Outcome
 from station.runner.resources import in_bytes
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.witness import not_asked
+from station.speech import joined, padded, said, show
 
 if TYPE_CHECKING:
     from station.files.plan import Plan
@@ -164,7 +165,7 @@ def print_outcome(outcome: Outcome, procedure: str, *, as_json: bool) -> None:
         print(json.dumps(document_of(outcome, procedure), indent=1, ensure_ascii=False))
     elif outcome.document is not None:
         print_document(outcome.document)
-        print(f"report: {outcome.folder / REPORT}")
+        show(f"report: {outcome.folder / REPORT}")
 
 
 def read_answers(path: Path) -> dict[str, str]:
@@ -196,10 +197,10 @@ def report_end(outcome: Outcome) -> None:
             continue
         declared = role(role_of(reading.instrument))
         wanted = declared and declared.safe_state
-        state = f", which is: {wanted.brought_to}" if wanted else ""
+        where = f", which is: {wanted.brought_to}" if wanted else ""
         tell(
             f"NOT VERIFIED: {reading.instrument} could not be proven safe ({read_back}); bring it "
-            f"by hand to its safe state{state}"
+            f"by hand to its safe state{where}"
         )
     if outcome.left_to:
         tell(outcome.left_to)
@@ -316,7 +317,7 @@ def dry_run_plan(
         for line in dry_run_lines(walked, plan, bench):
             print(line)
     for warning in walked.warnings:
-        print(f"WARNING: {warning}", file=sys.stderr)
+        tell(f"WARNING: {warning}")
     return EXIT_DONE
 
 
@@ -328,35 +329,33 @@ def dut_of(plan: Plan) -> dict[str, str]:
 def dry_run_lines(walked: DryRunReport, plan: Plan, bench: Bench) -> Iterator[str]:
     """Yield the walk as a table of steps and set-points, and what it comes to."""
     title = procedure_of(plan.procedure).title
-    yield f"{title}: {plan.dut.model} {plan.dut.serial}, bench {bench.name}"
-    yield "step   begins at    takes"
+    yield f"{said(title)}: {plan.dut.model} {plan.dut.serial}, {said(f'bench {bench.name}')}"
+    yield f"{padded('step', 7)}{padded('begins at', 13)}{said('takes')}"
     for step in walked.steps:
         when = f"{span(step.starts_s):<12} {span(step.duration.expected_s):<12}"
-        yield f"{step.step:<6} {when} {step.title}"
+        yield f"{step.step:<6} {when} {said(step.title)}"
         if not step.duration.is_certain:
-            yield f"{'':<33}takes {bounds_in_words(step.duration)}"
-        for words, _ in groupby(f"{point.instrument}: {point.text}" for point in step.set_points):
-            yield f"{'':<33}{words}"
+            yield said(f"{'':<33}takes {bounds_in_words(step.duration)}")
+        points = ((said(point.instrument), said(point.text)) for point in step.set_points)
+        for (instrument, text), _ in groupby(points):
+            yield f"{'':<33}{instrument}: {text}"
     yield ""
     for extreme in walked.extremes:
         yield summary_line(f"{extreme.which} {extreme.quantity}", extreme_in_words(extreme))
-    between = "" if walked.duration.is_certain else f", {bounds_in_words(walked.duration)}"
-    expected = span(walked.duration.expected_s)
-    yield summary_line("expected duration", f"{expected} of bench time{between}")
+    takes = f"{span(walked.duration.expected_s)} of bench time"
+    if not walked.duration.is_certain:
+        takes = f"{takes}, {bounds_in_words(walked.duration)}"
+    yield summary_line("expected duration", takes)
     yield summary_line("estimated end", estimated_end(walked))
     disk = walked.disk
     needed, free = in_bytes(disk.needed_bytes), in_bytes(disk.free_bytes)
     yield summary_line("disk space needed", f"about {needed}, free below {disk.folder}: {free}")
     memory = walked.memory
-    fitted = (
-        ""
-        if memory.fitted_bytes is None
-        else f", this computer has {in_bytes(memory.fitted_bytes)}"
-    )
-    yield summary_line(
-        "memory needed", f"about {in_bytes(memory.needed_bytes)} to evaluate{fitted}"
-    )
-    yield "dry run: no instrument was opened and nothing was written"
+    needs = [f"about {in_bytes(memory.needed_bytes)} to evaluate"]
+    if memory.fitted_bytes is not None:
+        needs.append(f"this computer has {in_bytes(memory.fitted_bytes)}")
+    yield summary_line("memory needed", joined(needs))
+    yield said("dry run: no instrument was opened and nothing was written")
 
 
 def bounds_in_words(duration: Duration) -> str:
@@ -366,15 +365,15 @@ def bounds_in_words(duration: Duration) -> str:
 
 def summary_line(name: str, text: str) -> str:
     """Return one line of the summary."""
-    return f"{name:<21}{text}"
+    return f"{padded(name, 21)}{said(text)}"
 
 
 def extreme_in_words(extreme: Extreme) -> str:
     """Return an extreme as text: `3.33 A (coil_supply.x)`."""
     if extreme.value is None:
-        return f"{extreme.note} ({extreme.instrument})"
-    note = f", {extreme.note}" if extreme.note else ""
-    return f"{extreme.value:.4g} {extreme.unit} ({extreme.instrument}{note})"
+        return f"{said(extreme.note)} ({said(extreme.instrument)})"
+    where = joined(filter(None, (extreme.instrument, extreme.note)))
+    return f"{extreme.value:.4g} {extreme.unit} ({where})"
 
 
 def estimated_end(walked: DryRunReport) -> str:
@@ -383,5 +382,7 @@ def estimated_end(walked: DryRunReport) -> str:
         return "unknown: a simulated bench runs on virtual time, where waiting is skipped"
     if walked.ends_utc is None:
         return "beyond all calendars"
-    faster = "" if walked.speed == 1.0 else f", at {walked.speed:g} times real time"
-    return f"{walked.ends_utc:%Y-%m-%d %H:%M} UTC if it begins now{faster}"
+    ends = f"{walked.ends_utc:%Y-%m-%d %H:%M}"
+    if walked.speed == 1.0:
+        return f"{ends} UTC if it begins now"
+    return f"{ends} UTC if it begins now, at {walked.speed:g} times real time"

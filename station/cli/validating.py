@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from station.roles.role import collected
 from station.runner.preflight import warned_of_limits, warned_of_memory, warned_of_records
 from station.runner.resources import in_bytes, memory_of
 from station.runner.static_limits import problems_of_plan
+from station.speech import show
 
 SERVED_WRONG = (
     OSError, ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError,
@@ -161,7 +161,7 @@ def validate_plans(
     plans: list[Plan] = []
     bench = None
     for sentence in collected()[1]:
-        print(f"WARNING: {sentence}", file=sys.stderr)
+        tell(f"WARNING: {sentence}")
     try:
         bench = read_bench_named(bench_name)
     except FaultList as error:
@@ -185,23 +185,22 @@ def validate_plans(
         print(json.dumps(document, indent=1, ensure_ascii=False))
     else:
         for line in shown(faults):
-            print(line, file=sys.stderr)
+            tell(line)
         if resolved:
             print("---\n".join(resolved_text(plan) for plan in plans), end="")
         if bench is not None and not faults:
-            to = sys.stderr if resolved else sys.stdout
+            to = tell if resolved else show
             count = len(names)
-            print(
-                f"{count} plan{'s' if count > 1 else ''} without a fault on bench {bench_name}",
-                file=to,
-            )
+            if count > 1:
+                to(f"{count} plans without a fault on bench {bench_name}")
+            else:
+                to(f"1 plan without a fault on bench {bench_name}")
             for plan in plans:
                 expected = outlook_of(plan, bench)
-                takes = f"about {span(expected['expected_s'])} of bench time"
-                memory = in_bytes(expected["memory_bytes"])
-                print(f"{plan.path.name}: {takes}, {memory} of memory to evaluate", file=to)
+                takes, memory = span(expected["expected_s"]), in_bytes(expected["memory_bytes"])
+                to(f"{plan.path.name}: about {takes} of bench time, {memory} of memory to evaluate")
                 for line in expected["determines"]:
-                    print(f"  {line}", file=to)
+                    to(f"  {line}")
                 for warning in expected["warnings"]:
-                    print(f"WARNING: {warning}", file=sys.stderr)
+                    tell(f"WARNING: {warning}")
     return EXIT_WRONG_INPUT if faults else EXIT_DONE

@@ -35,6 +35,7 @@ from station.record.signatures import (
     sign,
 )
 from station.record.verification import verify, was_in
+from station.speech import show
 
 SHOWN = 16
 """Digits of a key's SHA-256 that people compare, and the fewest of a head that name it."""
@@ -113,7 +114,7 @@ def verify_runs(
         print(json.dumps({"runs": [*runs, *others]}, indent=1, ensure_ascii=False))
     else:
         for entry in verified:
-            print("\n".join(map(printable, lines(entry))))
+            show("\n".join(map(printable, lines(entry))))
         for why in refused.values():
             tell(printable(f"not verified: {why}"))
     if any(entry.changed for entry in verified):
@@ -219,8 +220,10 @@ def lines(verified: Verified) -> Iterator[str]:
             "inputs and its raw blocks agree with their own check sums"
         )
     else:
-        unrecorded = "" if state.recorded else "; revisions not recorded"
-        yield f"{state.path}: unchanged, {state.files} files, every byte{unrecorded}"
+        files = f"{state.files} files, every byte"
+        if not state.recorded:
+            files = f"{state.files} files, every byte; revisions not recorded"
+        yield f"{state.path}: unchanged, {files}"
     if state.head:
         yield f"  head {state.head}"
     for signature in state.signatures:
@@ -238,27 +241,25 @@ def signed(signature: Signature, trusted: Trusted | None) -> Iterator[str]:
     if signature.state == "forged":
         return
     what = "signed" if signature.state == "valid" else "an earlier state was signed"
-    name = f"  {what} by {signature.signer} at {signature.time}, key {signature.key[:SHOWN]}"
-    if trusted is None:
-        yield name
-    elif is_trusted(signature, trusted):
-        yield f"{name}, trusted"
-    else:
-        yield f"  {what} by a key that is not trusted: {signature.key}"
+    by = f"by {signature.signer} at {signature.time}, key {signature.key[:SHOWN]}"
+    if trusted is not None:
+        is_one = is_trusted(signature, trusted)
+        by = f"{by}, trusted" if is_one else f"by a key that is not trusted: {signature.key}"
+    yield f"  {what} {by}"
     yield from (f"    since then: {event}" for event in signature.after)
 
 
 def make_key(path: Path) -> None:
     """Make a private key and print what stands for it."""
-    print(f"{path}: private key, keep it; what it signs has key {new_key(path)}")
+    show(f"{path}: private key, keep it; what it signs has key {new_key(path)}")
 
 
 def sign_run(folder: Path, key: Path, signer: str) -> int:
     """Sign a run folder that is unchanged; return 1, unsigned, where it is not."""
     verified = verified_run(folder)
     if verified.changed:
-        print("\n".join(map(printable, [*lines(verified), "not signed"])))
+        show("\n".join(map(printable, [*lines(verified), "not signed"])))
         return EXIT_OUTSIDE_LIMIT
     signature = sign(folder, key, signer, utc_now())
-    print("\n".join([f"{folder}:", *signed(signature, None)]))
+    show("\n".join([f"{folder}:", *signed(signature, None)]))
     return EXIT_DONE

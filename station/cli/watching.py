@@ -17,6 +17,7 @@ from station.record.run_names import RUNS
 from station.record.run_state import GOES_ON
 from station.record.verification import quick_look
 from station.runner.progress import REPEAT_S
+from station.speech import joined, said, show
 
 LOOKS_EVERY_S = 0.5
 """Real time between two looks at the run folder."""
@@ -45,15 +46,15 @@ def watch_status(folder: Path, wait: Callable[[], None] = pause_between_looks) -
     """
     if not (folder / EVENTS).is_file():
         raise InputError(f"{folder} is no run folder: it holds no {EVENTS}")
-    show = watch_in_lines
+    watch = watch_in_lines
     if sys.stdout.isatty():
         from station.view.screen import can_draw
 
-        show = watch_on_screen if can_draw(sys.stdout) else watch_in_lines
+        watch = watch_on_screen if can_draw(sys.stdout) else watch_in_lines
     try:
-        show(folder, wait)
+        watch(folder, wait)
         if (record := quick_look(folder)).unproven:
-            print(f"record: {record.sentence()}", flush=True)
+            show(f"record: {record.sentence()}")
     except KeyboardInterrupt:
         tell("\nstopped watching; the run is not affected")
 
@@ -98,4 +99,4 @@ def line_of(state: dict[str, Any], left_s: float | None, now: str) -> str:
     parts = [state["sentence"], step_of(state), f"{state['units_done']}{of} units of work finished"]
     if state["state"] in ("running", "paused") and left_s is not None:
         parts.append(f"bench time left about {span(left_s)}")
-    return f"{', '.join(parts)}: {now}"
+    return f"{joined(parts)}: {said(now)}"

@@ -20,6 +20,7 @@ from station.control.signals import wishes_end_a_prompt
 from station.errors import Aborted, InputError, UnansweredPrompt
 from station.method.prompts import ABORT, DONE, Asking, Prompt, ended_at, meaning
 from station.record.events import LEFT_FOR_THE_END
+from station.speech import answered
 
 HINT_AT_THE_END = f"Enter or `{DONE}` once it is, `{ABORT}` to leave it; nothing else waits"
 READS_WITHIN_S = 0.5
@@ -229,7 +230,7 @@ def typed(prompt: Prompt, question: str = "") -> str:
     asking = Asking(prompt)
     while True:
         tell(question or asking.question, end="")
-        line = sys.stdin.readline()
+        line = answered(sys.stdin.readline())
         known = asking.understands(line)
         answer = asking.take(line) if line else ABORT  # the terminal is gone
         if answer == ABORT:

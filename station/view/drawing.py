@@ -19,6 +19,7 @@ from station.control.run_reader import NOTHING_LIVE, Times, sentence_of_now
 from station.record.events import rest_in_words
 from station.record.run_state import GOES_ON
 from station.record.series import Trace
+from station.speech import joined, padded, said
 from station.units import shown
 from station.view.marks import Marks
 from station.view.sparkline import sparkline
@@ -128,12 +129,13 @@ class Drawing:
         table = Table.grid(padding=(0, 2))
         table.add_column(no_wrap=True)
         table.add_column(overflow="fold")
-        sentence = Text(f"{self._marks.state(state['state'])} {state['sentence']}", colour)
-        table.add_row("state", Text.assemble(sentence, f"   device {what or 'unknown'}   {now}"))
-        table.add_row("run", Text(f"{state['run']}"))
-        table.add_row("progress", self._progress(state, times))
-        table.add_row("time", Text(time_words(times, picture.time_of_day)))
-        table.add_row("now", Text(sentence_of_now(state, picture.live), "bold"))
+        sentence = Text(f"{self._marks.state(state['state'])} {said(state['sentence'])}", colour)
+        device = said(f"device {what or 'unknown'}")
+        table.add_row(said("state"), Text.assemble(sentence, f"   {device}   {now}"))
+        table.add_row(said("run"), Text(f"{state['run']}"))
+        table.add_row(said("progress"), self._progress(state, times))
+        table.add_row(said("time"), Text(time_words(times, picture.time_of_day)))
+        table.add_row(said("now"), Text(said(sentence_of_now(state, picture.live)), "bold"))
         return table
 
     def _progress(self, state: dict[str, Any], times: Times) -> RenderableType:
@@ -147,7 +149,7 @@ class Drawing:
         whole_s = times.elapsed_s + (times.left_s or 0.0)
         known = times.left_s is not None and whole_s > 0.0
         if not known and state["state"] != "finished":
-            return Text(units)
+            return Text(said(units))
         share = times.elapsed_s / whole_s if known else 1.0
         row = Table.grid(padding=(0, 2))
         bar = ProgressBar(
@@ -157,7 +159,7 @@ class Drawing:
             complete_style="cyan",
             finished_style="green",
         )
-        row.add_row(bar, f"{100 * share:.0f} %", units)
+        row.add_row(bar, f"{100 * share:.0f} %", said(units))
         return row
 
     # The steps.
@@ -188,7 +190,7 @@ class Drawing:
         present = states.index("now") if "now" in states else last_index(states, "done")
         first, end = window([len(block) for block in blocks], present, room)
         left_out = {"before": first, "after": len(blocks) - end}
-        more = ", ".join(f"{count} {where}" for where, count in left_out.items() if count)
+        more = joined(f"{count} {where}" for where, count in left_out.items() if count)
         rest = self._lines(Text(f"{self._marks.more} {more}", "dim"), width) if more else []
         return [*(line for block in blocks[first:end] for line in block), *rest]
 
@@ -201,12 +203,12 @@ class Drawing:
             table = Table.grid(padding=(0, 2))
             table.add_column(no_wrap=True)
             table.add_column(overflow="fold")
-            table.add_row(Text(clock_words(entry["t"]), "dim"), Text(entry["text"]))
+            table.add_row(Text(clock_words(entry["t"]), "dim"), Text(said(entry["text"])))
             block = self._lines(table, width)
             if len(lines) + len(block) >= room:
                 break
             lines = [*block, *lines]
-        return [*self._lines(Text("log", "bold"), width), *lines] if lines else []
+        return [*self._lines(Text(said("log"), "bold"), width), *lines] if lines else []
 
     # Set-points beside read-backs, interlocks, and what the device gives.
 
@@ -224,24 +226,27 @@ class Drawing:
 
     def _values(self, instruments: Sequence[dict[str, Any]], width: int, room: int) -> list[Line]:
         """Return a line for each value where there is room, else one or two for an instrument."""
-        name_width = max(cell_len(instrument["instrument"]) for instrument in instruments)
+        name_width = max(cell_len(said(instrument["instrument"])) for instrument in instruments)
         both = width - name_width - 4
         read_need = max(
             cell_len(words) for each in instruments for words in (*value_words(each["read"]), "")
         )
         set_most = both * 2 // 5 if self._columns < WIDE else max(both * 2 // 5, both - read_need)
-        set_width = min(max(cell_len(instrument["set"]) for instrument in instruments), set_most)
-        read_width = both - max(set_width, len("set"))
+        set_width = min(
+            max(cell_len(said(instrument["set"])) for instrument in instruments), set_most
+        )
+        set_width = max(set_width, cell_len(said("set")))
+        read_width = both - set_width
 
         def line(name: str, set_: str, read: str, style: str = "") -> list[Line]:
             table = Table.grid(padding=(0, 2))
             table.add_column(width=name_width, overflow="fold")
-            table.add_column(width=max(set_width, len("set")), overflow="fold")
+            table.add_column(width=set_width, overflow="fold")
             table.add_column(width=read_width, overflow="fold")
-            table.add_row(*(Text(cell, style) for cell in (name, set_, read)))
+            table.add_row(*(Text(cell, style) for cell in (said(name), said(set_), read)))
             return self._lines(table, width)
 
-        heading = line("instrument", "set", "read back", "bold")
+        heading = line("instrument", "set", said("read back"), "bold")
         room -= len(heading)
         most = 2 if room >= 2 * len(instruments) else 1
 
@@ -256,7 +261,9 @@ class Drawing:
             blocks = blocks_of(lambda read: read_words(read, most * read_width))
         first, end = window([len(block) for block in blocks], 0, room)
         left = len(blocks) - (end - first)
-        after = self._lines(Text(f"{self._marks.more} {left} more", "dim"), width) if left else []
+        after = (
+            self._lines(Text(said(f"{self._marks.more} {left} more"), "dim"), width) if left else []
+        )
         return [*heading, *(line for block in blocks[first:end] for line in block), *after]
 
     def _locks(self, interlocks: Sequence[dict[str, str]], width: int) -> list[Line]:
@@ -264,13 +271,13 @@ class Drawing:
         table = Table.grid(padding=(0, 2))
         table.add_column(no_wrap=True)
         table.add_column(overflow="fold")
-        name = "interlocks"
+        name = said("interlocks")
         for state in ("tripped", "waits", "clear"):
             those = [interlock for interlock in interlocks if interlock["state"] == state]
             if those:
                 named = state != "clear" or width != self._columns
-                which = ", ".join(map(lock_words, those)) if named else str(len(those))
-                sentence = f"{self._marks.lock(state)} {LOCK_WORDS[state]}: {which}"
+                which = joined(map(lock_words, those)) if named else str(len(those))
+                sentence = said(f"{self._marks.lock(state)} {LOCK_WORDS[state]}: {which}")
                 table.add_row(name, Text(sentence, LOCK_COLOURS[state]))
                 name = ""
         return self._lines(table, width) if interlocks else []
@@ -282,7 +289,7 @@ class Drawing:
         )
         sentence = f"{trace.source} {trace.quantity}: {last}, from {low} to {high} so far"
         drawn = sparkline(trace.values, width, self._marks.levels)
-        return [*self._lines(Text(sentence), width), *self._lines(Text(drawn, "cyan"), width)]
+        return [*self._lines(Text(said(sentence)), width), *self._lines(Text(drawn, "cyan"), width)]
 
 
 def step_rows(picture: Picture, marks: Marks) -> list[tuple[str, ...]]:
@@ -290,9 +297,9 @@ def step_rows(picture: Picture, marks: Marks) -> list[tuple[str, ...]]:
     return [
         (
             marks.step(step["state"]),
-            step["state"].ljust(max(map(len, STEP_COLOURS))),
+            padded(step["state"], max(cell_len(said(state)) for state in STEP_COLOURS)),
             step["number"],
-            step["title"],
+            said(step["title"]),
             step_time(step, picture.times.elapsed_s),
         )
         for step in picture.state["steps"]
@@ -333,7 +340,7 @@ def bench_words(picture: Picture, marks: Marks) -> Iterator[Text]:
         return
     verified, sentence = rest_in_words(safe, picture.state["left_out"])
     mark, colour = (marks.good, "green") if verified else (marks.bad, "bold red")
-    yield Text(f"{mark} {sentence}", colour)
+    yield Text(f"{mark} {said(sentence)}", colour)
 
 
 def time_words(times: Times, now: datetime) -> str:
@@ -343,10 +350,10 @@ def time_words(times: Times, now: datetime) -> str:
         parts.append(f"left about {span(times.left_s)}")
     if times.ends is not None:
         ends = times.ends.astimezone(now.tzinfo)
-        day = "" if ends.date() == now.date() else f"{ends:%a %d %b} "
+        day = "" if ends.date() == now.date() else f"{ends.strftime(said('%a %d %b'))} "
         soon = ends - now < timedelta(days=300)
         parts.append(f"ends about {day if soon else f'{ends:%Y-%m-%d} '}{ends:%H:%M}")
-    return ", ".join(parts)
+    return joined(parts)
 
 
 def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
@@ -357,7 +364,7 @@ def read_words(read: Sequence[dict[str, Any]], room: int) -> str:
     parts = value_words(read)
     for kept in range(len(parts), 0, -1):
         more = len(parts) - kept
-        line = ", ".join(parts[:kept]) + (f", +{more}" if more else "")
+        line = joined((*parts[:kept], f"+{more}") if more else parts[:kept])
         if cell_len(line) <= room:
             return line
     return parts[0] if parts else "-"
@@ -373,7 +380,10 @@ def value_words(read: Sequence[dict[str, Any]]) -> list[str]:
     ordered = sorted(
         read, key=lambda entry: not entry["text"][-1:].isalpha() or " " not in entry["text"]
     )
-    return [f"{entry['quantity']} {entry['text']}{age_words(entry['age_s'])}" for entry in ordered]
+    return [
+        f"{said(entry['quantity'])} {said(entry['text'])}{said(age_words(entry['age_s']))}"
+        for entry in ordered
+    ]
 
 
 def age_words(age_s: float) -> str:
@@ -388,9 +398,9 @@ def age_words(age_s: float) -> str:
 def lock_words(interlock: dict[str, str]) -> str:
     """Return the name of an interlock, and what it says where it is not clear."""
     return (
-        interlock["name"]
+        said(interlock["name"])
         if interlock["state"] == "clear"
-        else f"{interlock['name']} ({interlock['said']})"
+        else f"{said(interlock['name'])} ({said(interlock['said'])})"
     )
 
 

@@ -19,6 +19,7 @@ from rich.segment import ControlType, Segment
 from station.clock import boot_seconds, local_time
 from station.control.run_reader import DAMAGE, RunReader
 from station.record.series import RunSeries
+from station.speech import said
 from station.view.drawing import Drawing, Frame, Picture
 
 EVERY_S = 0.5
@@ -87,7 +88,7 @@ class Screen:
     def say(self, text: str) -> None:
         """Write a line that stays, above the picture."""
         with self._lock, suppress(OSError):  # a terminal that is gone ends no run
-            self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+            self._console.print(said(text), highlight=False, markup=False, soft_wrap=True)
 
     @contextmanager
     def paused(self) -> Iterator[None]:
