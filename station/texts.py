@@ -16,7 +16,9 @@ from pathlib import Path
 
 from station import registry
 
-ENGLISH, PANEL, REPORT, RUN, TERMINAL = "en", "panel", "report", "run", "terminal"
+ENGLISH, PANEL, REPORT, RUN, TERMINAL, FLAGS = "en", "panel", "report", "run", "terminal", "flags"
+TAGS = {"zh": "zh-CN"}
+"""Language and country of a language that more than one country writes: it chooses the signs."""
 SHORT = 8
 """So long are the names of axes, of coefficients, and numbers at most."""
 FOLDER = Path(__file__).parent / "catalogues"
@@ -24,8 +26,8 @@ OF_PACKAGE = "texts"
 """The folder, in the package of a procedure, of its own catalogues: `texts/zh.json`."""
 PLACE = re.compile(r"\{(\w+)\}")
 """The place of a value in a sentence."""
-FORMS = {"n": "[-+]?[0-9.]+", "IA": "[-A-Z0-9]{1,3}"}
-"""What alone fills a place of that name: a number, an axis; other places hold anything."""
+FORMS = {"n": "[-+]?[0-9.]+", "symbol": r"\S+", "IA": "[-A-Z0-9]{1,3}"}
+"""What alone fills a place of that name: a number, a word, an axis; other places hold anything."""
 INSTRUMENT = "instrument"
 """What, at the beginning, only the name of an instrument fills."""
 REMEMBERED = 5000
@@ -44,11 +46,16 @@ def languages() -> tuple[str, ...]:
     return (ENGLISH, *sorted(path.name for path in FOLDER.iterdir() if path.is_dir()))
 
 
+def tag(language: str) -> str:
+    """Return a language as pages and typesetters name it, with its country where that counts."""
+    return TAGS.get(language, language)
+
+
 @cache
 def catalogue(language: str, room: str) -> dict[str, str]:
     """Return the translation of each English sentence of a room of the station; none for English.
 
-    The rooms are the panel's own pages, reports, what runs say, and the terminal.
+    The rooms are the panel's own pages, reports, what runs say, the codes of flags, the terminal.
     """
     if language == ENGLISH:
         return {}

@@ -35,7 +35,7 @@ from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
 from station.record.verification import refuse_unproven
-from station.texts import ENGLISH, PANEL, Texts, catalogue, languages, preferred
+from station.texts import ENGLISH, PANEL, Texts, catalogue, languages, preferred, tag
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
@@ -284,6 +284,7 @@ def texts(request: Request) -> Response:
     """Return the texts of the page's language."""
     language = language_of(request)
     values = {"TEXTS": catalogue(language, PANEL), "LANGUAGE": language, "LANGUAGES": languages()}
+    values["TAG"] = tag(language)
     lines = [f"const {name} = {json.dumps(value)};" for name, value in values.items()]
     return Response("\n".join(lines), media_type="text/javascript")
 

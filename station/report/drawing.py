@@ -40,7 +40,7 @@ from station.plots import (
     Steps,
 )
 from station.report.pdf import FIRST_IDEOGRAPH, font_with
-from station.texts import ENGLISH, IN_ENGLISH, REPORT, Texts, catalogue
+from station.texts import ENGLISH, IN_ENGLISH, Texts, whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,7 +111,7 @@ def drawn_in(language: str) -> tuple[Texts, dict[str, Any]]:
     """Return the texts of a language and the style with a font for it; English where none is."""
     if language == ENGLISH:
         return IN_ENGLISH, STYLE
-    signs = {sign for text in catalogue(language, REPORT).values() for sign in text}
+    signs = {sign for text in whole(language).values() for sign in text}
     try:
         file, family = font_with({sign for sign in signs if ord(sign) >= FIRST_IDEOGRAPH})
     except InputError:

@@ -29,7 +29,7 @@ from station.report.numbers import (
     typeset,
 )
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
-from station.texts import IN_ENGLISH, Texts
+from station.texts import FLAGS, IN_ENGLISH, Texts, catalogue, tag
 from station.uncertainty import BudgetLine
 
 BADGES = {
@@ -101,7 +101,10 @@ def environment(texts: Texts = IN_ENGLISH) -> Environment:
         lstrip_blocks=True,
     )
     environment.globals["t"] = texts
+    environment.globals["tag"] = tag(texts.languages[0])
     environment.filters["t"] = lambda text: _lines(texts(text))
+    environment.filters["words"] = lambda text: " ".join(texts(text).splitlines())
+    environment.filters["flag"] = lambda code: flag_title(code, texts)
     environment.filters["lines"] = _lines
     environment.filters["minus"] = typeset
     environment.filters["duration"] = format_duration
@@ -112,6 +115,11 @@ def environment(texts: Texts = IN_ENGLISH) -> Environment:
 def _lines(text: str) -> Markup:
     """Return a text with its lines one below the other."""
     return Markup("<br>").join(text.splitlines())
+
+
+def flag_title(code: str, texts: Texts) -> str:
+    """Return what a flag is called in a language; nothing in English, where its code says it."""
+    return catalogue(texts.languages[0], FLAGS).get(code, "")
 
 
 def style() -> Markup:
@@ -134,8 +142,9 @@ def badge_of(document: ResultDocument, context: ReportContext) -> dict[str, str]
         undecided = count - inside - outside
         counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
         listed = ", ".join(f"{number} {word}" for number, word in counts if number)
-        noun = "result has a limit" if count == 1 else "results have a limit"
-        why = f"{count} {noun}: {listed}."
+        why = f"{count} results have a limit: {listed}."
+        if count == 1:
+            why = f"{count} result has a limit: {listed}."
     if not document.excited:
         why = "The device was not exposed to the commanded field: see the flags. No verdict on it."
     if not context.bench_safe:

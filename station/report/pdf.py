@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
@@ -14,6 +15,8 @@ from station.report.sheet import Sheet
 from station.texts import ENGLISH
 
 FIRST_IDEOGRAPH = 0x3400
+OF_ANOTHER_COUNTRY = re.compile(r"\b(JP|KR|TC|HK)\b|Gothic|Mincho")
+"""Fonts whose signs are Japanese, Korean or traditional, though they have the simplified ones."""
 MAIN, LETTERHEAD = "sheet.typ", "letterhead.typ"
 
 
@@ -74,17 +77,23 @@ def _compiled(
 def font_with(signs: set[str]) -> tuple[Path, str]:
     """Return file and family of the first font of the computer that has all of some signs.
 
-    Raises InputError where none has.
+    One that writes them as another country does comes last. Raises InputError where none has.
     """
     from matplotlib.font_manager import findSystemFonts
     from matplotlib.ft2font import FT2Font
 
     wanted = {ord(sign) for sign in signs}
+    others: list[tuple[Path, str]] = []
     for name in sorted(findSystemFonts()):
         with suppress(RuntimeError, OSError):  # a file that is no font
             font = FT2Font(name)
-            if wanted <= font.get_charmap().keys():
+            if not wanted <= font.get_charmap().keys():
+                continue
+            if not OF_ANOTHER_COUNTRY.search(font.family_name):
                 return Path(name), font.family_name
+            others.append((Path(name), font.family_name))
+    if others:
+        return others[0]
     raise InputError(
         "no font of this computer has the signs of this language; install one, such as Debian's "
         "fonts-wqy-zenhei, or make the report as html"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from station.parts import Part
 from station.plots import Plot
 from station.report.context import ReportContext
-from station.report.html import badge_of, budgets_of, published_rows, result_rows
+from station.report.html import badge_of, budgets_of, flag_title, published_rows, result_rows
 from station.report.numbers import format_duration
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
@@ -54,7 +54,10 @@ def _sections(
     yield Section("Results", (_results(document),))
     if document.published:
         yield Section("The published formula on the same data", (_published(document),))
-    flags = [(f"{flag.code} {flag.axis or ''}".strip(), flag.message) for flag in document.flags]
+    flags = [
+        (" ".join(filter(None, (flag_title(flag.code, texts), flag.code, flag.axis))), flag.message)
+        for flag in document.flags
+    ]
     yield Section("What the reader must know", (pairs(flags),) if flags else ())
     yield Section("Measurement and analysis", tuple(_part(part, texts) for part in parts))
     yield Section("Uncertainty budget", tuple(_budgets(document)))

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from station.report.numbers import is_numeric_column, typeset
-from station.texts import IN_ENGLISH, Texts
+from station.texts import IN_ENGLISH, Texts, tag
 
 PRINTED = (
     "DRAFT",
@@ -90,7 +90,8 @@ class Sheet:
         """Return the sheet as plain data; a picture is the name of its file."""
         data = asdict(replace(self, texts=IN_ENGLISH))
         data["texts"] = {text: self.texts(text) for text in PRINTED}
-        data["language"] = self.texts.languages[0]
+        data["language"], _, region = tag(self.texts.languages[0]).partition("-")
+        data["region"] = region.lower() or None
         names = iter(self.pictures())
         for section in data["sections"]:
             for block in section["blocks"]:

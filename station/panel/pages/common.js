@@ -8,7 +8,7 @@ function t(text, values = {}) {
 
 // What stands in the page's own file, before anything of a run is shown.
 function translatePage() {
-  document.documentElement.lang = LANGUAGE;
+  document.documentElement.lang = TAG;
   const walker = document.createTreeWalker(document.documentElement, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const own = walker.currentNode.data.trim();

@@ -17,7 +17,7 @@ from station.report.html import BADGES, DETAILS, RULES, VERDICTS
 from station.report.pdf import FIRST_IDEOGRAPH, font_with, render_pdf
 from station.report.sheet import PRINTED, Section, Sheet, grid, pairs
 from station.report.sheet_html import render_sheet
-from station.texts import REPORT, Texts, catalogue, choices
+from station.texts import FLAGS, REPORT, Texts, catalogue, choices
 
 ROOT = Path(__file__).parents[3]
 OWN_WORDS = {"commissioning"}
@@ -32,7 +32,7 @@ CHINESE = Texts("zh")
 def words_of_the_code() -> str:
     """Return every text and name that stands in the code or in a template."""
     words: list[str] = []
-    for room in ("station", "procedures"):
+    for room in ("station", "procedures", "sim_instruments"):
         for path in (ROOT / room).rglob("*.py"):
             tree = ast.parse(path.read_text(encoding="utf-8"))
             words.extend(str(getattr(node, "value", "")) for node in ast.walk(tree))
@@ -52,6 +52,14 @@ def test_no_translation_is_one_of_a_text_that_nothing_uses() -> None:
         if part.strip(" ,.:").removesuffix(" at") not in words
     ]
     assert unused == []
+
+
+def test_every_flag_has_a_title_and_no_title_is_of_no_flag() -> None:
+    page = (ROOT / "docs" / "reference" / "flags.md").read_text(encoding="utf-8")
+    codes = set(re.findall(r"^\| `([a-z-]+)` \|", page.partition("## All flags")[2], re.MULTILINE))
+    titles = catalogue("zh", FLAGS)
+    assert codes - set(titles) == set()
+    assert [code for code in titles if code not in words_of_the_code()] == []
 
 
 def test_every_translation_shows_the_same_values() -> None:
@@ -111,7 +119,7 @@ def test_a_page_has_chinese_above_english_and_values_as_they_are() -> None:
     page = render_sheet(a_sheet().translated(Texts("zh+en")))
     assert "<h2>测试结果<br>Results</h2>" in page
     assert "零偏<br>bias" in page and "−1.5" in page and "&lt;RLG&gt;" in page
-    assert 'lang="zh"' in page
+    assert 'lang="zh-CN"' in page
     assert "<h2>Results</h2>" in render_sheet(a_sheet())
 
 
