@@ -32,7 +32,7 @@ CHINESE = Texts("zh")
 def words_of_the_code() -> str:
     """Return every text and name that stands in the code or in a template."""
     words: list[str] = []
-    for room in ("station", "procedures", "sim_instruments"):
+    for room in ("station", "procedures", "sim_instruments", "drivers"):
         for path in (ROOT / room).rglob("*.py"):
             tree = ast.parse(path.read_text(encoding="utf-8"))
             words.extend(str(getattr(node, "value", "")) for node in ast.walk(tree))
