@@ -20,15 +20,22 @@ function toDo(data) {
   say("again", next ? t("Next: {serial}, {n} more after it", {serial: next, n: later.length}) : t("Again for the next serial"));
 }
 
+// Once a page; again where the panel went away meanwhile.
 async function after() {
-  const response = await fetch(API + "results");
+  resultsShown = true;
+  let response;
+  try {
+    response = await fetch(API + "results");
+  } catch (error) {
+    setTimeout(after, AGAIN_MS);
+    return;
+  }
   if (response.status === 409) { // the folder does not vouch for them any more
-    resultsShown = true;
+    damage = (await response.json()).error;
     show("notice", true);
-    say("notice", (await response.json()).error);
+    say("notice", damage);
   }
   if (!response.ok) return;
-  resultsShown = true;
   const data = await response.json();
   show("results-card", true);
   byId("verdict").replaceChildren(element("span", `${ICONS[data.verdict]} ${WORDS[data.verdict]}`, "verdict " + data.verdict));
@@ -42,7 +49,7 @@ async function after() {
 }
 
 function resultRow(one) {
-  const made = row([one.name, one.axis].filter(Boolean).join(" "), number(one.value, one.expanded_uncertainty),
+  const made = row([word(one.name), one.axis].filter(Boolean).join(" "), number(one.value, one.expanded_uncertainty),
     number(one.expanded_uncertainty, one.expanded_uncertainty), typeset(one.unit), limitText(one), bullet(one),
     element("span", one.verdict === "none" ? "" : `${ICONS[one.verdict] || ""} ${VERDICTS[one.verdict] || one.verdict}`, "verdict " + one.verdict));
   for (const n of [1, 2]) made.children[n].className = "number";

@@ -95,7 +95,7 @@ function link(text, href) {
 
 function span(seconds) {
   if (seconds === null || seconds === undefined) return t("unknown");
-  const whole = Math.round(seconds), h = Math.floor(whole / 3600), m = Math.floor(whole / 60) % 60;
+  const whole = Math.max(Math.round(seconds), 0), h = Math.floor(whole / 3600), m = Math.floor(whole / 60) % 60;
   if (h) return t("{h} h {m} min", {h, m});
   return m ? t("{m} min {s} s", {m, s: whole % 60}) : `${whole} s`;
 }

@@ -17,7 +17,7 @@ function wanted() {
 // A scanner types wherever the focus is: what it types belongs to the serial number.
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.key.length !== 1) return;
-  if (["INPUT", "SELECT", "TEXTAREA"].includes(document.activeElement.tagName) || (document.activeElement.tagName === "BUTTON" && event.key === " ")) return;
+  if (document.activeElement.tagName === "INPUT" || (["BUTTON", "SELECT"].includes(document.activeElement.tagName) && event.key === " ")) return;
   if (!byId("content").hidden) byId("serial").select();  // what is typed now takes the place of what stood there
 });
 
@@ -28,11 +28,22 @@ function remembered() {
 }
 
 function fill(select, entries) {
-  if (select.options.length === entries.length) return;
+  const text = JSON.stringify(entries);
+  if (listed[select.id] === text) return;
+  listed[select.id] = text;
   const before = select.value || remembered()[select.id] || "";
   select.replaceChildren(...entries.map((one) => new Option(one.title ? `${t(one.title)} (${one.name})` : one.name, one.name)));
   if (entries.some((one) => one.name === before)) select.value = before;
   else if (select.id === "bench" && entries.some((one) => one.name === "sim")) select.value = "sim";
+}
+
+// A list that did not change is left alone: a click, and the focus, outlive it.
+const listed = {};
+function list(id, entries, made) {
+  const text = JSON.stringify(entries);
+  if (listed[id] === text) return;
+  listed[id] = text;
+  byId(id).replaceChildren(...entries.map(made));
 }
 
 function benchCard(one) {
@@ -60,7 +71,7 @@ async function showTrend(serial) {
   if (!response.ok) return;
   const data = await response.json();
   say("trend-title", t("Results of {serial}, {n} runs", {serial, n: data.runs}));
-  byId("trend").replaceChildren(...data.results.map((one) => row([one.name, one.axis].filter(Boolean).join(" "), typeset(one.unit), trendLine(one), String(Number(one.values[one.values.length - 1].toPrecision(5))))));
+  byId("trend").replaceChildren(...data.results.map((one) => row([word(one.name), one.axis].filter(Boolean).join(" "), typeset(one.unit), trendLine(one), String(Number(one.values[one.values.length - 1].toPrecision(5))))));
   show("trend-card", true);
   byId("trend-card").scrollIntoView({block: "nearest"});
 }
@@ -79,7 +90,7 @@ function showToday({runs, passed, plan}) {
   say("today-runs", String(runs));
   say("today-passed", String(passed));
   say("yield", plan.decided ? `${Math.round(100 * plan.passed / plan.decided)} %` : "–");
-  say("yield-of", plan.decided ? t("yield of {plan}: {passed} of {decided}", plan) : "");
+  say("yield-of", plan.decided ? t("{passed} of {decided} runs of this plan", plan) : "");
 }
 
 async function refresh() {
@@ -93,9 +104,9 @@ async function refresh() {
     if (first) begin();
     fill(byId("plan"), data.plans);
     fill(byId("bench"), data.benches);
-    byId("benches").replaceChildren(...data.benches.map(benchCard));
+    list("benches", data.benches, benchCard);
     showToday(data.today);
-    byId("runs").replaceChildren(...data.runs.map(runRow));
+    list("runs", data.runs, runRow);
     say("connection", t("Role: {role}", {role: ROLES[data.role]}));
   } catch (error) {
     say("connection", t("The panel does not answer. Runs go on without it."));
@@ -122,14 +133,15 @@ function stepItem(one, whole_s) {
 }
 
 function extremeText(one) {
-  const value = one.value === null ? one.note || t("unknown") : `${Number(one.value.toPrecision(4))} ${one.unit}`;
-  return `${one.which} ${one.quantity}: ${value} (${one.instrument})`;
+  const value = one.value === null ? one.note || t("unknown") : `${Number(one.value.toPrecision(4))} ${typeset(one.unit)}`;
+  return `${one.which} ${one.quantity}: ${value} (${placeName(one.instrument)})`;
 }
 
 byId("look-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   show("look", false);
   say("look-said", t("looking …"));
+  byId("serial").select();  // a scan meanwhile takes the place of this one
   try {
     const looked = JSON.stringify(wanted());
     const data = await post("/api/look", wanted());

@@ -29,7 +29,8 @@ function showLive(data) {
     }
   }
   tiles.sort((a, b) => KINDS.indexOf(a.kind) - KINDS.indexOf(b.kind));
-  tiles.slice(0, MAX_TILES).forEach(showTile);
+  const now = new Set(tiles.slice(0, MAX_TILES).map(showTile));
+  for (const tile of tilesShown.values()) if (!now.has(tile)) notRead(tile);
 }
 
 function lamp(one) {
@@ -66,8 +67,16 @@ function showTile(one) {
   near.children[1].style.left = `${100 * Math.min(Math.abs(one.target ?? 0) / Math.abs(one.limit || 1), 1)}%`;
   near.children[1].hidden = one.target === undefined;
   tile.className = "tile" + (share > 1 ? " bad" : share > NEAR ? " wait" : "") + (old ? " old" : "");
+  return tile;
 }
 
+// What stands in it is the last that was heard: of a run that does not answer, of what is off.
+function notRead(tile) {
+  tile.className = "tile old";
+  tile.children[2].firstChild.textContent = t("no newer value");
+}
+
+const COARSE = ["deg", "deg/s", "degC"];  // of what is less than a thousandth nothing is said
 const PREFIXES = [[1, ""], [1e3, "m"], [1e6, "µ"], [1e9, "n"]];
 function scaled(value, unit) {
   let factor = 1, prefix = "";
@@ -75,7 +84,7 @@ function scaled(value, unit) {
     [factor, prefix] = PREFIXES.find(([larger]) => Math.abs(value) * larger >= 0.1) || PREFIXES[3];
   }
   const size = Math.abs(value * factor), digits = size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 2 : 3;
-  return [size > 0 && size < 1e-3 ? (value * factor).toExponential(1) : (value * factor).toFixed(digits), prefix + typeset(unit)];
+  return [size > 0 && size < 1e-3 && !COARSE.includes(unit) ? (value * factor).toExponential(1) : (value * factor).toFixed(digits).replace(/^-(0\.0+)$/, "$1"), prefix + typeset(unit)];
 }
 
 // What was commanded and what is allowed of a recorded column, where the run says so.

@@ -7,7 +7,7 @@ const STEP_ICONS = {done: "✔", now: "▶", waits: "·"};
 const READS_MS = 1000;
 const AGAIN_MS = 2000;
 const ANSWERS_MS = 3000;
-let heardMs = Date.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false, damage = "", refused = false, shown = null, stepSeen = null;
+let heardMs = performance.now(), prompted = null, resultsShown = false, titleBefore = "", state = "", pausing = false, read = false, damage = "", refused = false, shown = null, stepSeen = null;
 
 function stateOf(data) {
   shown = data;
@@ -29,7 +29,7 @@ function stateOf(data) {
   say("units", data.units_planned ? t("{done} of {planned}", {done: data.units_done, planned: data.units_planned}) : `${data.units_done}`);
   say("time", span(data.time_s));
   say("left", alive ? span(data.left_s) : t("nothing"));
-  say("ends", data.ends ? new Date(data.ends * 60000).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"}) : alive ? t("unknown") : t("it has ended"));
+  say("ends", data.ends ? clock(new Date(data.ends * 60000)) : alive ? t("unknown") : t("it has ended"));
   state = data.state;
   buttons();
   showSteps(data);
@@ -47,6 +47,12 @@ function stateOf(data) {
   if (damage) say("notice", damage);  // of a damaged log nobody knows how the run ended
   if (!alive) toDo(data);
   if (!alive && data.state === "finished" && !resultsShown) after();
+}
+
+// A time of day; of another day with its date.
+function clock(when) {
+  const day = when.toDateString() === new Date().toDateString() ? {} : {month: "2-digit", day: "2-digit"};
+  return when.toLocaleString(LANGUAGE, {hour: "2-digit", minute: "2-digit", hour12: false, ...day});
 }
 
 function showSteps(data) {
@@ -102,7 +108,7 @@ function promptOf(prompt) {
     say("prompt-value-label", t("{name}, {low} {unit} to {high} {unit}:", {name, low, high, unit}));
   }
   mayGoOn();
-  byId("answer-abort").focus();  // nobody goes on by a key that was pressed before the question
+  byId("prompt-title").focus();  // a key that was pressed before the question, or a scan, answers nothing
   chime();
 }
 
@@ -131,7 +137,7 @@ function mayGoOn() {
 function safeOf(outcomes) {
   show("safe-section", Boolean(outcomes && outcomes.length));
   byId("safe").replaceChildren(...(outcomes || []).map((one) => element(
-    "li", `${one.verified ? t("✔ verified") : t("✘ NOT VERIFIED")}: ${one.instrument}: ${one.read_back}`,
+    "li", `${one.verified ? t("✔ verified") : t("✘ NOT VERIFIED")}: ${placeName(one.instrument)}: ${one.read_back}`,
     one.verified ? "good" : "bad")));
 }
 
@@ -190,7 +196,7 @@ function unreadable(data) {
 function listen() {
   const news = new EventSource(API + "events");
   for (const [name, use] of [["state", stateOf], ["live", liveOf], ["plots", showPlots], ["unreadable", unreadable], ["beat", () => {}]]) {
-    news.addEventListener(name, (event) => { heardMs = Date.now(); use(JSON.parse(event.data)); });
+    news.addEventListener(name, (event) => { heardMs = performance.now(); use(JSON.parse(event.data)); });
   }
   // A stream that was refused is not opened again by the browser.
   news.addEventListener("error", async () => {
@@ -202,7 +208,7 @@ function listen() {
 new ResizeObserver(() => document.documentElement.style.setProperty("--bar-height", `${byId("bar").offsetHeight}px`)).observe(byId("bar"));
 listen();
 setInterval(() => {
-  const lost = Date.now() - heardMs > SILENT_MS;
+  const lost = performance.now() - heardMs > SILENT_MS;
   byId("connection").className = lost ? "bad" : "good";
   if (!lost) refused = false;
   say("connection", !lost ? t("connected") : t("CONNECTION LOST: what stands here is old. The run goes on without this page.")

@@ -17,6 +17,7 @@ from command_line import PLAN
 from panel_server import Served, begin, free_port, panel
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
 from served_bench import served_bench
 
 from station.control.channel import ask
@@ -66,8 +67,8 @@ def home(page: Page, served: Served) -> None:
 def start(page: Page, served: Served, serial: str) -> Path:
     """Start the short plan as an operator does: the serial number is scanned first."""
     home(page, served)
-    page.element("plan").send_keys("short")
-    page.element("bench").send_keys("sim")
+    Select(page.element("plan")).select_by_value("short")
+    Select(page.element("bench")).select_by_value("sim")
     page.element("serial").send_keys(serial, Keys.ENTER)
     page.wait_for("look-steps", "Mount the gyro")
     assert page.accessibility_findings() == []
@@ -85,7 +86,9 @@ def answered(page: Page, asked: str) -> bool:
 @pytest.mark.campaign
 def test_no_ends_the_run_with_a_safe_bench(page: Page, served: Served) -> None:
     run = start(page, served, "SN-NO")
-    assert page.driver.switch_to.active_element.get_attribute("id") == "answer-abort"
+    page.driver.switch_to.active_element.send_keys("SN-SCANNED", Keys.ENTER)  # answers nothing
+    page.wait(lambda: page.element("answer-done").is_enabled())
+    assert page.element("prompt").is_displayed()
     assert page.accessibility_findings() == []
     page.click("answer-abort")
     page.wait_for("notice", "did not finish")
@@ -122,7 +125,7 @@ def test_yes_to_every_prompt_leads_to_results(page: Page, served: Served) -> Non
     assert ticked == 2
     assert page.accessibility_findings() == []
     assert page.text("verdict") == "✔ PASS: within every limit"
-    assert "magnetic_sensitivity IA" in page.text("results")
+    assert "magnetic sensitivity IA" in page.text("results")
     assert "simulated" in page.text("flags")
     report = page.element("report").get_attribute("href")
     assert served.get(report.removeprefix(served.url))[0] == 200
@@ -174,8 +177,8 @@ def test_a_look_is_of_what_stands_in_the_form_and_a_scan_starts_nothing(
     page: Page, served: Served
 ) -> None:
     home(page, served)
-    page.element("plan").send_keys("short")
-    page.element("bench").send_keys("sim")
+    Select(page.element("plan")).select_by_value("short")
+    Select(page.element("bench")).select_by_value("sim")
     page.element("serial").send_keys("SN-A", Keys.ENTER, "B")
     page.wait_for("look-said", "changed meanwhile")
     assert not page.element("look").is_displayed()

@@ -15,6 +15,7 @@ from browser import Page, chromium
 from command_line import PLAN
 from panel_server import Served, panel
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from served_bench import served_bench
 
 from station.record.run_names import runs_below, serial_of
@@ -84,6 +85,9 @@ def test_a_scan_goes_into_the_serial_number_whatever_the_page_is_doing(
     page.driver.execute_script("document.activeElement.blur()")
     page.driver.switch_to.active_element.send_keys("SN-78")  # never "SN-77SN-78"
     assert page.element("serial").get_attribute("value") == "SN-78"
+    page.element("plan").send_keys("SN-79", Keys.ENTER, "SN-80")  # who chose a plan just now, too
+    assert page.element("serial").get_attribute("value") == "SN-80"
+    page.element("serial").send_keys(Keys.CONTROL, "a", Keys.NULL, "SN-78")
     page.element("search").send_keys("0042")  # who writes elsewhere goes on there
     assert page.element("serial").get_attribute("value") == "SN-78"
 
@@ -138,7 +142,7 @@ def test_every_look_and_language_of_both_pages_can_be_read(
 def test_a_result_stands_in_the_band_of_its_limits(page: Page, served: Served) -> None:
     run = next(iter(runs_below(served.runs))).name
     page.driver.get(f"{served.url}/run/{run}")
-    page.wait_for("results", "magnetic_sensitivity IA")
+    page.wait_for("results", "magnetic sensitivity IA")
     page.wait_for("to-do", "Switch the device off before you take it out")
     (bullet,) = page.driver.find_elements(By.CSS_SELECTOR, "#results .bullet")
     assert "within |x| ≤ 0.1" in str(bullet.get_attribute("aria-label"))
@@ -158,6 +162,8 @@ def test_a_gyro_that_gives_nothing_any_more_is_shown_with_the_age_of_its_last_va
     assert "1 min 40 s ago" in page.driver.execute_script(tile)
     page.driver.execute_script("showLive(arguments[0])", {**live, "time_s": 3.0})
     assert "ago" not in page.driver.execute_script(tile)
+    page.driver.execute_script("output = null; showLive(arguments[0])", live)
+    assert "no newer value" in page.driver.execute_script(tile)
 
 
 def test_a_bench_of_which_something_is_not_known_is_not_called_safe(
@@ -186,7 +192,7 @@ def test_the_results_of_a_device_are_drawn_from_run_to_run(page: Page, served: S
     home(page, served)
     page.wait(lambda: page.driver.find_elements(By.CSS_SELECTOR, "#runs button"))
     page.driver.execute_script("document.querySelector('#runs button').click()")
-    page.wait_for("trend", "magnetic_sensitivity IA")
+    page.wait_for("trend", "magnetic sensitivity IA")
     assert len(page.driver.find_elements(By.CSS_SELECTOR, "#trend circle")) == 1
 
 
