@@ -86,7 +86,7 @@ def _curves(analysis: FogAnalysis) -> Table:
                 str(curve.order),
                 format_number(fit.noise_ppm, 3),
                 format_number(fit.lag_one_correlation, 2),
-                "taken off" if fit.paired else "in u",
+                "taken off" if fit.paired else "counted in u",
                 format_number(fit.bias_deg_per_h, 2),
                 format_number(fit.walk_deg_per_h_per_sqrt_h, 2),
             ]
