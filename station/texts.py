@@ -36,9 +36,12 @@ LONGEST = 2000
 """Signs of a text of which a translation is looked for."""
 BETWEEN = re.compile(r"(?<=[.!?…]) (?=[A-Z`])")
 """What stands between two sentences."""
+OR_IF = ", or if "
+"""What joins the clauses of a sentence that are translated each."""
 WORD = re.compile(r"[A-Za-z\0]+")
-SAME = re.compile(r"[-+]?[0-9.]+|[A-Z]{1,2}|[A-Za-z0-9]+_\w+")
-"""Numbers, axes and names of columns: the same in every language."""
+COMBINATION = r"(?: ?[-+−]? ?(?:[0-9.]+(?:e[-+]?[0-9]+)? )?K\w+)+"
+SAME = re.compile(rf"[-+]?[0-9.]+|[A-Z]{{1,2}}|[A-Za-z0-9]+_\w+|(?:[-+]?[xyz])+|{COMBINATION}")
+"""Numbers, axes, coefficients and names of columns: the same in every language."""
 
 
 def languages() -> tuple[str, ...]:
@@ -172,6 +175,9 @@ def translator(language: str) -> Callable[[str], str]:
         if "; " in text and (whole_sentence := filled(text, "; ")) is not None:
             return whole_sentence
         if (several := listed(text.split("; "), "; ")) is not None:
+            return several
+        clauses = [text] if text.endswith(".") else text.split(OR_IF)
+        if (several := listed(clauses, OR_IF)) is not None:
             return several
         if (sentence := filled(text)) is not None:
             return sentence
