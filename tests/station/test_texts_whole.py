@@ -18,6 +18,8 @@ WHOLE: tuple[str, ...] = (
     "procedures/common",
     "procedures/estimation",
     "procedures/fog_scale_factor_temperature",
+    "procedures/gyro_bias_temperature",
+    "procedures/gyro_rate_table",
     "procedures/gyro_static_noise",
     "procedures/rlg_magnetic_sensitivity",
     "procedures/serf_nonorthogonality",
@@ -72,6 +74,11 @@ KEPT = {
         "the run did not go through all its steps; what it measured is evaluated here",  # JUnit
     },
     "station/plots.py": {"the plot 7 is drawn; make it of panels of station.plots"},
+    "procedures/gyro_bias_temperature": {"of 7, long waves left out"},
+    "procedures/gyro_rate_table": {
+        "deg, the encoder of the axis that turns, turns counted, clockwise from above",
+        "s, run time at which it was asked for",
+    },
 }
 """Sentences that nobody reads on a screen or a page, by folder: what programs read, or names."""
 PROGRAMS = {"procedures/fog_scale_factor_temperature/compensation.py"}
@@ -84,6 +91,8 @@ QUOTED = re.compile(r"`[^`]*`|'[^']*'|--?[a-z]+|\S*[._/]\S*|°C")
 """Names and commands, which are the same in every language."""
 LEFT_IN_ENGLISH = re.compile(r"(?:[A-Za-z]{2,} ){2,}[A-Za-z]{2,}")
 VALUE = "7"
+INSTRUMENT = "turntable"
+"""What may begin a sentence instead of a value."""
 NEXT = re.compile(rf"(?<=\.) {VALUE}$")
 """A sentence that comes after as a value."""
 
@@ -134,8 +143,11 @@ def sentences(file: Path) -> Iterator[tuple[int, str]]:
 
 def is_whole(text: str, language: str) -> bool:
     """Return whether a sentence is translated, with no run of English words left in it."""
-    other = Texts(language)(text)
-    return bool(IDEOGRAPH.search(other)) and not LEFT_IN_ENGLISH.search(QUOTED.sub("", other))
+    said = {text, INSTRUMENT + text.removeprefix(VALUE) if text.startswith(VALUE) else text}
+    return any(
+        IDEOGRAPH.search(other) and not LEFT_IN_ENGLISH.search(QUOTED.sub("", other))
+        for other in map(Texts(language), said)
+    )
 
 
 def left(folder: str, language: str = "zh") -> list[str]:
