@@ -28,7 +28,7 @@ OF_PACKAGE = "texts"
 """The folder, in the package of a procedure, of its own catalogues: `texts/zh.json`."""
 PLACE = re.compile(r"\{(\w+)\}")
 """The place of a value in a sentence."""
-FORMS = {"n": "[-+]?[0-9.]+(?:e[-+]?[0-9]+)?", "symbol": r"\S+", "IA": "[-A-Z0-9]{1,3}"}
+FORMS = {"n": "[-+]?[0-9.]+(?:e[-+]?[0-9]+)?", "symbol": r"\S+", "IA": "[-+A-Z0-9]{1,6}"}
 """What alone fills a place of that name: a number, a word, an axis; other places hold anything."""
 INSTRUMENT = "instrument"
 """What, at the beginning, only the name of an instrument fills."""

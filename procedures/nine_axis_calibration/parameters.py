@@ -230,8 +230,8 @@ class NineAxisParameters(StrictModel):
             turns = rate * time_s / FULL_TURN_DEG
             if abs(turns - round(turns)) > WHOLE * max(1.0, turns) or round(turns) < 1:
                 raise ValueError(
-                    f"{time_s:g} s at {rate:g} deg/s are {turns:.4g} turns, not a whole number"
-                    + _hint(rates)
+                    f"{time_s:g} s at {rate:g} deg/s are {turns:.4g} turns, not a whole number; "
+                    f"{_hint(rates)}"
                 )
         return dwell_s
 
@@ -292,8 +292,8 @@ def _hint(rates: Sequence[float]) -> str:
     for time_s in range(1, MAX_WHOLE_S + 1):
         turns = [rate * time_s / FULL_TURN_DEG for rate in rates]
         if all(round(n) >= 1 and abs(n - round(n)) <= WHOLE * max(1.0, n) for n in turns):
-            return f"; {time_s} s would be whole at every rate"
-    return "; choose dwell: efficient, which has whole turns at each rate"
+            return f"{time_s} s would be whole at every rate"
+    return "choose dwell: efficient, which has whole turns at each rate"
 
 
 def _each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:

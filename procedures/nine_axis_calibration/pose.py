@@ -60,7 +60,7 @@ class Pose:
     @property
     def seems(self) -> str:
         """Why it is wrong, and as which position the sensor stood where that is known."""
-        return self.why + (f", as in position {self.stands_as}" if self.stands_as else "")
+        return f"{self.why}, as in position {self.stands_as}" if self.stands_as else self.why
 
 
 def expected_rates(position: int, latitude_deg: float) -> Array:

@@ -21,6 +21,7 @@ WHOLE: tuple[str, ...] = (
     "procedures/gyro_bias_temperature",
     "procedures/gyro_rate_table",
     "procedures/gyro_static_noise",
+    "procedures/nine_axis_calibration",
     "procedures/rlg_magnetic_sensitivity",
     "procedures/serf_nonorthogonality",
     "station/cli",
@@ -75,13 +76,21 @@ KEPT = {
     },
     "station/plots.py": {"the plot 7 is drawn; make it of panels of station.plots"},
     "procedures/gyro_bias_temperature": {"of 7, long waves left out"},
-    "procedures/gyro_rate_table": {
+    "procedures/nine_axis_calibration": {  # calibration.json
+        "output = bias + gain * force + second_order * force^2, gain = diag(scale factors) "
+        "* (1 + half of the non-orthogonality, in rad)",
+        "output = offset + gain * field",
+    },
+    "procedures": {  # columns of raw data
         "deg, the encoder of the axis that turns, turns counted, clockwise from above",
         "s, run time at which it was asked for",
     },
 }
 """Sentences that nobody reads on a screen or a page, by folder: what programs read, or names."""
-PROGRAMS = {"procedures/fog_scale_factor_temperature/compensation.py"}
+PROGRAMS = {
+    "procedures/fog_scale_factor_temperature/compensation.py",
+    "procedures/nine_axis_calibration/calibration.py",
+}
 """Files that write programs, whose text is the same in every language."""
 FEWEST = 3
 """So many words make a sentence."""
