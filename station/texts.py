@@ -40,6 +40,8 @@ BETWEEN = re.compile(r"(?<=[.!?…]) (?=[A-Z`])")
 """What stands between two sentences."""
 OR_IF = ", or if "
 """What joins the clauses of a sentence that are translated each."""
+LINES = re.compile(r"(\n *(?:- )?)")
+"""What stands between two lines, of a list or not."""
 WORD = re.compile(r"[A-Za-z\0]+")
 COMBINATION = r"(?: ?[-+−]? ?(?:[0-9.]+(?:e[-+]?[0-9]+)? )?K\w+)+"
 SAME = re.compile(rf"[-+]?[0-9.]+|[A-Z]{{1,2}}|[A-Za-z0-9]+_\w+|(?:[-+]?[xyz])+|{COMBINATION}")
@@ -131,7 +133,11 @@ class Pattern:
             f"(?P<{name}>{FORMS.get(name, '.+?')}){part}"
             for name, part in zip(names, parts[1:], strict=True)
         ]
-        self._pattern = re.compile("".join((parts[0], *values)), re.DOTALL)
+        if values and not parts[-1]:
+            values[-1] = f"(?s:{values[-1]})"  # a list of lines may come last
+        self._quoted = {name for name in names if f"`{{{name}}}`" in english}
+        """Values that are what is typed, in every language."""
+        self._pattern = re.compile("".join((parts[0], *values)))
 
     def may_begin(self, value: str, translation: str) -> bool:
         """Return whether a value may stand at the beginning; any sentence may hold "at"."""
@@ -144,6 +150,15 @@ class Pattern:
         return (
             is_name or is_short or value != translation or not any(sign.isalpha() for sign in value)
         )
+
+    def inserted(
+        self, values: Mapping[str, str], translated: Callable[[str], str]
+    ) -> dict[str, str]:
+        """Return the values as the translation has them."""
+        return {
+            name: value if name in self._quoted else translated(value)
+            for name, value in values.items()
+        }
 
     def values(self, text: str) -> dict[str, str]:
         """Return the values of a text; none where it is another sentence."""
@@ -184,6 +199,10 @@ def translator(language: str) -> Callable[[str], str]:
             return several
         if (sentence := filled(text)) is not None:
             return sentence
+        if "\n" in text:
+            lines = LINES.split(text)
+            lines[::2] = [translated(line) if line else line for line in lines[::2]]
+            return "".join(lines)
         parts = text.replace(", and ", ", ").replace(" and ", ", ").split(", ")
         several = listed(parts, ", ")
         return text if several is None else several
@@ -194,7 +213,7 @@ def translator(language: str) -> Callable[[str], str]:
         for index in sorted(index for word in words for index in having.get(word, ())):
             pattern = patterns[index]
             given = pattern.values(text) if holding in pattern.english else {}
-            values = {name: translated(value) for name, value in given.items()}
+            values = pattern.inserted(given, translated)
             begins = given.get(pattern.begins, "")
             if values and pattern.may_begin(begins, values.get(pattern.begins, "")):
                 return pattern.other.format(**values)

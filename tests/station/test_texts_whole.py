@@ -54,7 +54,10 @@ KEPT = {
     },
     "procedures/serf_nonorthogonality": {"The records have", "7 has no fit"},
     "station/control": {"ends the prompt"},  # a thread
-    "station/guardian": {"who holds the locks"},  # a thread
+    "station/guardian": {
+        "who holds the locks",  # a thread
+        "the guardian of the run 7",  # with what became of it, each a sentence
+    },
     "station/runner": {  # by which an error is known
         "annot allocate memory",
         "failed to map segment",
@@ -84,6 +87,10 @@ KEPT = {
     "procedures": {  # columns of raw data
         "deg, the encoder of the axis that turns, turns counted, clockwise from above",
         "s, run time at which it was asked for",
+    },
+    "station/safety": {  # of an instrument, whose name begins the sentence
+        "7 is beyond the range of the instrument, 7",
+        "7 reads 7, which is no number",
     },
 }
 """Sentences that nobody reads on a screen or a page, by folder: what programs read, or names."""
