@@ -21,8 +21,6 @@ TAGS = {"zh": "zh-CN"}
 """Language and country of a language that more than one country writes: it chooses the signs."""
 SHORT = 8
 """So long are the names of axes, of coefficients, and numbers at most."""
-FEW = 3
-"""Letters of a sentence that is tried last."""
 FOLDER = Path(__file__).parent / "catalogues"
 OF_PACKAGE = "texts"
 """The folder, in the package of a procedure, of its own catalogues: `texts/zh.json`."""
@@ -173,10 +171,9 @@ def translator(language: str) -> Callable[[str], str]:
     """Return what translates into a language; a text that no catalogue knows stays English."""
     exact: Mapping[str, str] = whole(language)
     patterns = [Pattern(english, other) for english, other in exact.items() if "{" in english]
-    # What a run says of a unit of work, or of a request, holds a sentence of the procedure's own;
-    # what is hardly a word, as " is ", stands in other sentences too.
-    outer = {*catalogue(language, RUN).values()}
-    patterns.sort(key=lambda own: (own.other not in outer or own.letters < FEW, -own.letters))
+    # What a run says of a unit of work, or of a request, holds a sentence of the procedure's own.
+    outer = catalogue(language, RUN).values()
+    patterns.sort(key=lambda pattern: (pattern.other not in outer, -pattern.letters))
     counts = Counter(word for pattern in patterns for word in pattern.words)
     having: dict[str, list[int]] = {}
     for index, pattern in enumerate(patterns):
