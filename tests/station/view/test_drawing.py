@@ -8,10 +8,12 @@ from io import StringIO
 from typing import Any
 
 import pytest
+from rich.cells import cell_len
 from rich.console import Console
 
 from station.control.run_reader import Times
 from station.record.series import Trace
+from station.speech import HERE
 from station.view.drawing import (
     Drawing,
     Picture,
@@ -99,6 +101,18 @@ PARTS = (
     "gyro_acquisition rate: 9.662 deg/h, from 9.56 deg/h to 9.72 deg/h so far",
     *(set_ for _, set_, _ in READ),
     *(f"{key} {text}" for _, _, read in READ for key, text in read.items() if key != "output"),
+)
+
+IN_CHINESE = (
+    "状态 ▶ 进行中 被测件 RLG-50 SN-0042",
+    "第 2 个工作单元，共 4 个",
+    "已用 18 min 00 s，约剩 26 min 00 s，约于 14:31 结束",
+    "当前 IA：第 1566 个采样，共 5500 个",
+    "▶ 当前 S4 采集 N 个陀螺数据及磁场",
+    "仪器 设定值 回读值",
+    "正弦 0.1 Hz，3.33 A，1 mT",
+    "! 短暂触发：",
+    "陀螺采集板角速率：9.662 deg/h，至今 9.56 deg/h 至 9.72 deg/h",
 )
 
 
@@ -270,3 +284,22 @@ def test_a_sparkline_is_as_wide_as_its_values_or_its_place() -> None:
     assert sparkline([0.0, 0.0, 4.0, 4.0], 2, "_-=") == "_="
     assert sparkline([5.0, 5.0], 10, "_-=") == "--"
     assert sparkline([], 10, "_-=") == ""
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 23), (130, 23), (200, 49)])
+def test_the_picture_is_in_the_language_of_the_terminal_and_its_columns_are_in_line(
+    columns: int, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(HERE, "language", "zh")
+    lines = shown(picture(), columns, rows)
+    text = "\n".join(lines)
+    assert len(lines) <= rows
+    assert max(map(cell_len, lines)) <= columns
+    for part in IN_CHINESE:
+        assert holds(text, part), part
+    # Where the title of a step stands.
+    steps = [line for line in lines if re.match(r"\S 完成 ", line)]
+    assert len({cell_len(line[: line.index(" S")]) for line in steps}) == 1
+    names = ("线圈电源 x", "高斯计", "温箱", "转台")
+    for name, (_, set_, _) in zip(names, READ, strict=True):
+        assert any(name in line for line in lines), (name, set_)
