@@ -65,11 +65,15 @@ def _piece(text: str) -> str:
     """Return one sentence, or a cell of a table; what stands around it is kept."""
     from station.texts import Texts
 
-    inner = text.strip()
+    inner, texts = text.strip(), Texts(HERE.language)
     for known in (FAULT, MARKED):
         if parts := known.fullmatch(inner):
             return text.replace(inner, parts[1] + _piece(parts[2]))
-    return text.replace(inner, Texts(HERE.language)(inner)) if inner else text
+    other = texts(inner)
+    head, colon, tail = inner.rpartition(": ")
+    if other == inner and colon:  # a title, and what has it
+        other = f"{texts(head)}: {tail}"
+    return text.replace(inner, other) if inner else text
 
 
 def cells(text: str) -> int:

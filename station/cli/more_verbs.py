@@ -91,7 +91,13 @@ def report(
     ] = ReportKind.REPORT,
     paper: Annotated[Paper, typer.Option("--paper", help="Paper of a PDF.")] = Paper.A4,
     letterhead: Letterhead = None,
-    lang: Annotated[str, typer.Option(help="en, zh, or zh+en: one above the other.")] = "en",
+    lang: Annotated[
+        str | None,
+        typer.Option(
+            help="en, zh, or zh+en: one above the other; else that of this terminal.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Make the report or certificate of a run, into its exports."""
     from station.cli.reporting import remake_report

@@ -12,12 +12,14 @@ from station.record.files import A_COPY, replaced
 from station.record.folder import EXPORTS, REPORT, RunFolder, read_run
 from station.report.revision import Revision, newest_revision
 from station.runner.evaluation import evaluate_run
+from station.speech import HERE
 from station.texts import ENGLISH, Texts, choices
 
 if TYPE_CHECKING:
     from station.report.sheet import Sheet
     from station.results import ResultDocument
 
+FOR_PEOPLE = ("html", "pdf")
 FILES = {
     ("report", "html"): REPORT,
     ("report", "pdf"): "report.pdf",
@@ -34,12 +36,13 @@ def remake_report(
     kind: str,
     paper: str = "a4",
     letterhead: Path | None = None,
-    language: str = ENGLISH,
+    language: str | None = None,
 ) -> None:
     """Make the report or certificate of a run into its `exports`, which no manifest covers.
 
-    Prints the path of what was written. Raises InputError where a certificate is asked for as a
-    table of results, a letterhead for what has none, or a language that there is not.
+    Without a `language` it is in that of this terminal. Prints the path of what was written. Raises
+    InputError where a certificate is asked for as a table of results, a letterhead for what has
+    none, or a language that there is not.
     """
     name = FILES.get((kind, format))
     if name is None:
@@ -73,11 +76,13 @@ def revision_of(folder: RunFolder, *, drawn: bool) -> Revision:
     return revision
 
 
-def texts_of(language: str, format: str) -> Texts:
+def texts_of(language: str | None, format: str) -> Texts:
     """Return the texts of a language as `--lang` names it; raises InputError."""
+    if language is None:
+        return Texts(HERE.language if format in FOR_PEOPLE else ENGLISH)
     if language not in choices():
         raise InputError(f"no report is in {language!r}; choose --lang {', '.join(choices())}")
-    if language != ENGLISH and format in ("csv", "junit"):
+    if language != ENGLISH and format not in FOR_PEOPLE:
         raise InputError(f"{format} is for other programs and in English; leave --lang out")
     return Texts(language)
 
@@ -104,9 +109,9 @@ def report(
     folder: RunFolder, format: str, paper: str, letterhead: Path | None, texts: Texts
 ) -> bytes:
     """Return the report of a run in a format: html, pdf, csv or junit."""
-    revision = revision_of(folder, drawn=format in ("html", "pdf"))
+    revision = revision_of(folder, drawn=format in FOR_PEOPLE)
     document = revision.document
-    if format in ("csv", "junit"):
+    if format not in FOR_PEOPLE:
         # A spreadsheet reads UTF-8 as such by its byte order mark only.
         coding = "utf-8-sig" if format == "csv" else "utf-8"
         return table_of(folder, document, format).encode(coding)

@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from station.cli.attaching import begin_detached
+from station.cli.attaching import begin_detached, in_english
 from station.cli.instruments import identified
 from station.cli.validating import read_bench_named, read_plan_for
 from station.errors import InputError, StationError
@@ -95,7 +95,7 @@ class DetachedRuns:
         with self._prints:
             try:
                 made = subprocess.run(
-                    [sys.executable, "-m", "station", *asked, "--lang", language],
+                    [sys.executable, "-m", "station", *in_english(asked), "--lang", language],
                     capture_output=True,
                     text=True,
                     timeout=CERTIFICATE_WITHIN_S,

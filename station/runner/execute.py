@@ -36,7 +36,6 @@ from station.runner.session import BenchSession, Replay
 from station.runner.step_runner import StepRunner
 from station.safety.acknowledgement import refuse_until_acknowledged
 from station.safety.drift import remember_drift
-from station.speech import said
 
 SERVED_SINCE = "served_since_unix"
 """In run.json: when the bench that `station sim` served began, None where nothing was served."""
@@ -101,7 +100,7 @@ def execute(request: Request) -> Outcome:
         walk = procedure.walk(plan.parameters)
         expected_s, units = walk.duration().expected_s, walk.units_expected
         with Progress(expected_s, units=units, quiet=request.quiet, folder=record.path) as progress:
-            progress.say(f"{said(procedure.title)}: {plan.dut.model} {plan.dut.serial}")
+            progress.say(f"{procedure.title}: {plan.dut.model} {plan.dut.serial}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)}")
             progress.say(f"recorded in {record.path}")
             planned = what_is_planned(plan, procedure, clock)
