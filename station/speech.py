@@ -17,7 +17,7 @@ BLANKS = re.compile("( {2,})")
 """What stands between two columns."""
 FAULT = re.compile(r"(\S.*?:\d+:\d+: [^:]+: )(.+)")
 """The place of a fault in a file, for people and editors, and what is wrong there."""
-MARKED = re.compile(r"((?:>>|-|[✔✘▶·!]) )(.+)")
+MARKED = re.compile(r"((?:>>|-|#|[✔✘▶·!]) )(.+)")
 WORDS = ("done", "abort", "yes", "no")
 """What a person answers, whose words in the language of the terminal mean the same."""
 

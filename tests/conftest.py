@@ -23,6 +23,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # Started in the background of a shell: the runs of the tests are to hear Ctrl-C all the same.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.update(ONE_BLAS_THREAD)  # as a run has it; NumPy reads it when it is first imported
+os.environ["LC_ALL"] = "C.UTF-8"  # English, whatever language this computer speaks
 
 
 @pytest.hookimpl(tryfirst=True)
