@@ -15,8 +15,7 @@ PRINTED = (
     "Draft: this document is not to be issued, because",
     "Accreditation:",
     "Contents",
-    "Page",
-    "of",
+    "Page {page} of {pages}",
     "date and signature",
 )
 """What stands on the paper itself."""
@@ -81,6 +80,8 @@ class Sheet:
             self,
             kind=texts(self.kind),
             title=texts(self.title),
+            laboratory=texts(self.laboratory),
+            address=texts(self.address),
             drafts=tuple(map(texts, self.drafts)),
             sections=tuple(part.translated(texts) for part in self.sections),
             texts=texts,

@@ -116,7 +116,7 @@ def test_a_language_is_chosen_and_remembered(page: Page, served: Served) -> None
     page.driver.get(served.url)
     page.wait_for("connection", "操作员")
     assert page.text("start-title") == catalogue("zh", PANEL)["Start a run"]
-    assert page.driver.execute_script("return document.documentElement.lang") == "zh"
+    assert page.driver.execute_script("return document.documentElement.lang") == "zh-CN"
     assert page.accessibility_findings() == []
     Select(page.element("language")).select_by_value("en")
     page.wait_for("start-title", "Start a run")
