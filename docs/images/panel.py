@@ -1,7 +1,7 @@
 """Take the pictures of the panel that the docs show: `PYTHONPATH=. python docs/images/panel.py`.
 
-Each state of the panel, in each language, of simulated runs. Needs Chromium with its driver, and the
-packages of the tests. A folder as argument takes the pictures instead of this one.
+Each state of the panel, in each language, of simulated runs. Needs Chromium with its driver, and
+the packages of the tests. A folder as argument takes the pictures instead of this one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,14 @@ from station.texts import languages  # noqa: E402
 
 WIDTH, HEIGHT = 1280, 800
 PLAN, SERIAL = "rlg-magnetic-sensitivity", "SN-0042"
-SPEED = 60.0
+SPEED = 20.0
+SHORTER = (
+    *("--set", "parameters.duration=150 s"),
+    *("--set", "parameters.warm_up.at_most=4 min"),
+    *("--set", "parameters.warm_up.window=1 min"),
+    *("--set", "parameters.warm_up.slope_limit=40 deg/h^2"),
+)
+"""What is shown of a run that takes real time, and would take too much of it."""
 COLOURS = 128
 """A page has few colours; so a picture takes a third of the room."""
 NO_LIMIT_HOLDS = "limits.magnetic_sensitivity.max_abs=0.02 deg/h/mT"
@@ -75,6 +82,7 @@ def main() -> None:
     os.environ.pop("CI", None)
     pictures = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
     with tempfile.TemporaryDirectory() as place, panel(Path(place) / "runs") as served:
+        os.environ["XDG_STATE_HOME"] = place  # an interlock trips here, and on no bench of the user
         page = Page(chromium())
         metrics = {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
         page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
@@ -106,7 +114,8 @@ def of_virtual_runs(camera: Camera, runs: Path) -> None:
 def wait_for_units(run: Path, units: int) -> None:
     """Wait until a run has recorded so many units of work."""
     reader = RunReader(run)
-    while reader.state()["units_done"] < units:
+    while (state := reader.state())["units_done"] < units:
+        assert state["state"] != "failed", state["message"]
         RealClock().sleep(0.2)
         reader.read()
 
@@ -114,7 +123,7 @@ def wait_for_units(run: Path, units: int) -> None:
 def of_live_runs(camera: Camera, runs: Path, place: Path) -> None:
     """Look at a run that goes on and passes, and at one that an interlock ends."""
     with world(place, SPEED, "sim", PLAN) as bench:
-        served = ("--non-interactive", "--served", str(bench.head))
+        served = ("--non-interactive", *SHORTER, "--served", str(bench.head))
         run = begin(runs, *served)
         wait_for_units(run, 1)
         camera.take("live", f"/run/{run.name}", "#plots .trace")
