@@ -62,7 +62,7 @@ class DetachedRuns:
         return {
             "faults": faults,
             **walked.to_data(),
-            "title": plan.header.title or plan.procedure,
+            "title": plan.header.title or procedure_of(plan.procedure).title,
         }
 
     def start(self, wanted: Wanted, role: Role) -> str:

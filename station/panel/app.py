@@ -6,6 +6,7 @@ import asyncio
 import json
 import re
 from collections.abc import Callable, Collection
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from threading import Lock
@@ -15,7 +16,13 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    JSONResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
@@ -46,6 +53,15 @@ MANY_RUNS = 200
 SEEN_FOR_S = 1.5
 """Real time for which a look at benches and runs is shown; the page asks every 2 s."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+BACK = "Benches and runs"
+SENTENCE = """<!doctype html>
+<html lang="{language}"><head><meta charset="utf-8"><title>Inertial Station</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">
+<link rel="stylesheet" href="/static/panel.css"></head><body class="first"><main>
+<h1>Inertial Station</h1><p class="notice">{sentence}</p>
+<p><a class="button" href="/">{back}</a></p>
+</main></body></html>
+"""
 PICTURE = re.compile(r"[a-z0-9-]+\.(svg|png)")
 
 
@@ -87,9 +103,8 @@ class Panel:
             Mount("/static", StaticFiles(directory=PAGES)),
         ]
         guard = Middleware(Guard, access=self._access)
-        return Starlette(
-            routes=routes, middleware=[guard], exception_handlers={StationError: refused}
-        )
+        handlers = {StationError: refused, 404: no_page}
+        return Starlette(routes=routes, middleware=[guard], exception_handlers=handlers)
 
     def folder(self, request: Request) -> Path:
         """Return the folder of the run that a path names; raises StationError without one."""
@@ -205,7 +220,7 @@ class Panel:
         """Return the report of a run, which may run nothing."""
         path = self.folder(request) / REPORT
         if not is_own_file(path):
-            return JSONResponse({"error": "this run has no report"}, 404)
+            return refusal(request, "this run has no report", 404)
         refuse_unproven(path.parent, REPORT)
         return FileResponse(path, headers={"Content-Security-Policy": REPORT_POLICY})
 
@@ -304,4 +319,20 @@ def plotly(_: Request) -> Response:
 
 def refused(request: Request, error: Exception) -> Response:
     """Return a sentence that says what is wrong."""
-    return said(request, {"error": str(error)}, ERROR, 409)
+    return refusal(request, str(error), 409)
+
+
+def no_page(request: Request, _: Exception) -> Response:
+    """Return that an address leads nowhere."""
+    return refusal(request, "there is no such page", 404)
+
+
+def refusal(request: Request, sentence: str, status: int) -> Response:
+    """Return a sentence as data, or as a page to a person who opened an address."""
+    if "text/html" not in request.headers.get("accept", ""):
+        return said(request, {"error": sentence}, ERROR, status)
+    language = language_of(request)
+    back = catalogue(language, PANEL).get(BACK, BACK)
+    words = {"language": language, "back": back, "sentence": Texts(language)(sentence)}
+    escaped = {name: escape(word) for name, word in words.items()}
+    return HTMLResponse(SENTENCE.format_map(escaped), status)

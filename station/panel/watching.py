@@ -21,7 +21,7 @@ from starlette.requests import Request
 from station.clock import boot_seconds
 from station.control.run_reader import DAMAGE, RunReader
 from station.panel.translating import LIVE, STATE, translated
-from station.record.run_list import again
+from station.record.run_list import again, title_of
 from station.record.series import RunSeries
 from station.texts import ENGLISH, IN_ENGLISH, Texts
 
@@ -42,7 +42,7 @@ class RunWatch:
         self.folder = folder
         self._reader = RunReader(folder)
         self._series = RunSeries(folder)
-        self._again = again(folder)
+        self._of_plan = {"again": again(folder), "title": title_of(folder)}
         self._lock = Lock()
         self._looked_s = self._plotted_s = float("-inf")
         self._key = token_hex(4)
@@ -86,11 +86,13 @@ class RunWatch:
             try:
                 look()
             except DAMAGE as error:
-                damage = damage or f"{self.folder.name} cannot be read: {error}"
+                gone = not self.folder.is_dir()
+                why = "its folder is not there any more" if gone else str(error)
+                damage = damage or f"{self.folder.name} cannot be read: {why}"
         self._put("unreadable", {"message": damage})
 
     def _look_at_state(self) -> None:
-        self._put("state", {**self._reader.state(), "again": self._again})
+        self._put("state", {**self._reader.state(), **self._of_plan})
         self._put("live", self._reader.live())
 
     def _look_at_plots(self, now_s: float) -> None:

@@ -14,6 +14,7 @@ from station.record.verification import quick_look
 
 RESULTS = "results.json"
 PLAN_FILE = re.compile(r"# (.+?), resolved$", re.MULTILINE)
+TITLE = re.compile(r"^title: (?!null\b)(.*?) *(?: # .*)?$", re.MULTILINE)
 OPERATOR = re.compile(r"^operator: (?!null\b)(.*?) *(?:#.*)?$", re.MULTILINE)
 
 
@@ -69,6 +70,12 @@ def again(folder: Path) -> dict[str, str]:
 def operator_of(plan: str) -> str:
     """Return who runs it by the text of a resolved plan."""
     match = OPERATOR.search(plan)
+    return words(match[1].strip("'\"")) if match else ""
+
+
+def title_of(folder: Path) -> str:
+    """Return the title of a run's plan, empty where it has none."""
+    match = TITLE.search(own_text(folder / PLAN))
     return words(match[1].strip("'\"")) if match else ""
 
 

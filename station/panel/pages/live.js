@@ -104,16 +104,17 @@ function showPlots(series) {
   }
   const place = byId("plots"), data = [], count = shownOnes.length, gap = 0.08, height = (1 - gap * (count - 1)) / Math.max(count, 1);
   const style = getComputedStyle(document.documentElement), ink = style.getPropertyValue("--ink").trim(), grid = style.getPropertyValue("--line").trim();
+  const size = Math.max(12, 0.75 * parseFloat(style.fontSize)), left = 5.3 * size;
   const colours = [style.getPropertyValue("--accent").trim(), ink, "#b4691f", "#7a5195"];
   const rule = (value, number, dash) => ({type: "line", xref: "paper", x0: 0, x1: 1, yref: `y${number}`, y0: value, y1: value, line: {color: ink, width: 1, dash}});
-  const layout = {shapes: [], margin: {t: 22, r: 10, b: 36, l: 64}, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-                  font: {color: ink, size: 12}, showlegend: false, annotations: [], hovermode: "x", uirevision: "run", dragmode: "zoom",
+  const layout = {shapes: [], margin: {t: 1.8 * size, r: 10, b: 3 * size, l: left}, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+                  font: {color: ink, size}, showlegend: false, annotations: [], hovermode: "x", uirevision: "run", dragmode: "zoom",
                   xaxis: {title: {text: t("run time, s"), standoff: 4}, gridcolor: grid, anchor: `y${count > 1 ? count : ""}`, zeroline: false}};
   shownOnes.forEach((one, n) => {
     const number = n ? String(n + 1) : "", top = 1 - n * (height + gap);
     layout[`yaxis${number}`] = {domain: [Math.max(top - height, 0), top], title: {text: typeset(one.unit), standoff: 4}, gridcolor: grid, zeroline: false};
     const names = Object.keys(one.columns);
-    layout.annotations.push({text: `${placeName(one.source)}: ${names.map((name) => word(name.replace(/_[^_]*$/, ""))).join(", ")}`, x: 0, xref: "paper", y: top, yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false, font: {size: 12, color: ink}});
+    layout.annotations.push({text: `${placeName(one.source)}: ${names.map((name) => word(name.replace(/_[^_]*$/, ""))).join(", ")}`, x: 0, xref: "paper", y: top, yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false, font: {size, color: ink}});
     names.forEach((name, m) => {
       const {t: times, v} = one.columns[name];
       const level = levels(one.source, name);
@@ -121,7 +122,7 @@ function showPlots(series) {
       for (const limit of [level.limit, -level.limit]) {  // one far away would flatten what is measured
         if (v.some((value) => value * limit > 0 && Math.abs(value) > 0.8 * Math.abs(limit))) layout.shapes.push(rule(limit, number, "dash"));
       }
-      data.push({x: times.map((s) => s - (shown ? shown.began_s : 0)), y: v, name: word(name), mode: "lines", line: {width: 1.4, color: colours[m % colours.length]}, xaxis: "x", yaxis: `y${number}`});
+      data.push({x: times.map((s) => s - (shown ? shown.began_s : 0)), y: v, name: word(name), mode: "lines", line: {width: size / 8.5, color: colours[m % colours.length]}, xaxis: "x", yaxis: `y${number}`});
     });
   });
   if (!count) return;

@@ -15,7 +15,8 @@ function stateOf(data) {
   titleBefore = `${data.dut ? data.dut.serial : RUN}: ${t(data.sentence)}`;
   document.title = (data.prompt ? "● " : "") + titleBefore;
   say("run-title", data.dut ? `${data.dut.model} ${data.dut.serial}` : RUN);
-  say("run-procedure", data.procedure);
+  say("run-procedure", data.title || data.procedure);
+  byId("run-procedure").title = [data.title, data.procedure].filter(Boolean).join(", ");
   const waits = data.prompt || data.state === "paused", bad = ["failed", "interrupted"].includes(data.state);
   byId("pill").className = "pill" + (bad ? " bad" : waits ? " wait" : "");
   say("state-icon", data.prompt ? "?" : STATE_ICONS[data.state]);
@@ -30,6 +31,7 @@ function stateOf(data) {
   say("time", span(data.time_s));
   say("left", alive ? span(data.left_s) : t("nothing"));
   say("ends", data.ends ? clock(new Date(data.ends * 60000)) : alive ? t("unknown") : t("it has ended"));
+  if (state !== data.state) say("action-said", "");  // what was said of the state before
   state = data.state;
   buttons();
   showSteps(data);
@@ -209,6 +211,7 @@ new ResizeObserver(() => document.documentElement.style.setProperty("--bar-heigh
 listen();
 setInterval(() => {
   const lost = performance.now() - heardMs > SILENT_MS;
+  if (!lost && byId("connection").className === "bad") say("action-said", "");
   byId("connection").className = lost ? "bad" : "good";
   if (!lost) refused = false;
   say("connection", !lost ? t("connected") : t("CONNECTION LOST: what stands here is old. The run goes on without this page.")

@@ -16,10 +16,11 @@ from panel_server import Served, panel
 
 from station.cli.looking import listed_run
 from station.cli.watching import watch_status
+from station.clock import RealClock
 from station.control.status import read_status
 from station.errors import InputError
 from station.panel import app
-from station.panel.watching import MAX_STREAMS, RunWatch
+from station.panel.watching import LOOKS_EVERY_S, MAX_STREAMS, RunWatch
 from station.record.events import Event, in_words
 from station.record.run_list import entry_of
 from station.record.run_state import RunState
@@ -130,6 +131,46 @@ def test_results_and_report_that_were_changed_are_not_shown(
 def test_a_name_that_no_folder_has_is_refused_in_a_sentence(path: str, served: Served) -> None:
     status, text = served.get(path)
     assert status == 409 and "no such run" in text
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("/run/a%3Cb%3E", "there is no such run"),
+        ("/api/run/a/report", "there is no such run"),
+        ("/nothing", "there is no such page"),
+    ],
+)
+def test_a_person_who_opens_what_is_not_there_gets_a_page(
+    path: str, words: str, served: Served
+) -> None:
+    page = served.get(path, Accept="text/html")[1]
+    assert words in page and '<a class="button" href="/">Benches and runs</a>' in page
+    chinese = served.get(path, Accept="text/html", Cookie="station-language=zh")[1]
+    assert '<html lang="zh">' in chinese and words not in chinese
+    assert served.get(path)[1].startswith('{"error":')
+
+
+def test_a_watched_run_whose_folder_vanishes_is_said_to_be_gone(tmp_path: Path) -> None:
+    watch = RunWatch(made(tmp_path, line(procedure="p")))
+    news = dict(watch.news({}))
+    assert "unreadable" not in news
+    shutil.rmtree(watch.folder)
+    RealClock().sleep(2.0 * LOOKS_EVERY_S)
+    said = json.loads(dict(watch.news({}))["unreadable"])["message"]
+    assert said == f"{NAME} cannot be read: its folder is not there any more"
+
+
+def test_a_run_stands_by_the_title_of_its_plan(tmp_path: Path) -> None:
+    folder = made(tmp_path, line(procedure="p"))
+    plan = "# a.yaml, resolved\nprocedure: p  # a.yaml:2\ntitle: {}  # a.yaml:3\n"
+    for written, title in (
+        ("'Coils: no. #2'", "Coils: no. #2"),
+        ("磁敏感度", "磁敏感度"),
+        ("null", ""),
+    ):
+        (folder / "plan.resolved.yaml").write_text(plan.format(written), encoding="utf-8")
+        assert json.loads(dict(RunWatch(folder).news({}))["state"])["title"] == title
 
 
 def test_a_body_that_nests_too_deep_is_refused_in_a_sentence(served: Served) -> None:
