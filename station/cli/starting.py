@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +32,11 @@ def not_for(role: Role, plan: Plan, what: str) -> str | None:
     return f"{what} is not released (`released: true` in the plan); an engineer may start it"
 
 
+def of_form(fault: str) -> str:
+    """Return a fault of what was typed into the form without its place among the options."""
+    return re.sub(r"^--set:\d+:\d+: (dut\.)?", "", fault)
+
+
 class DetachedRuns:
     """Begins runs below a folder."""
 
@@ -46,7 +52,7 @@ class DetachedRuns:
             plan = read_plan_for(wanted.plan, bench, wanted.overrides)
             walked = walk(plan, bench, self._runs)
         except FaultList as error:
-            return {"faults": [str(fault) for fault in error.faults]}
+            return {"faults": [of_form(str(fault)) for fault in error.faults]}
         except StationError as error:
             return {"faults": [str(error)]}
         fault = not_for(role, plan, f"the plan {wanted.plan}")

@@ -14,8 +14,6 @@ from station.record.verification import quick_look
 
 RESULTS = "results.json"
 PLAN_FILE = re.compile(r"# (.+?), resolved$", re.MULTILINE)
-TITLE = re.compile(r"^title: (?!null\b)(.*?) *(?: # .*)?$", re.MULTILINE)
-OPERATOR = re.compile(r"^operator: (?!null\b)(.*?) *(?:#.*)?$", re.MULTILINE)
 
 
 def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[dict[str, Any]]:
@@ -69,14 +67,26 @@ def again(folder: Path) -> dict[str, str]:
 
 def operator_of(plan: str) -> str:
     """Return who runs it by the text of a resolved plan."""
-    match = OPERATOR.search(plan)
-    return words(match[1].strip("'\"")) if match else ""
+    return written(plan, "operator")
 
 
 def title_of(folder: Path) -> str:
     """Return the title of a run's plan, empty where it has none."""
-    match = TITLE.search(own_text(folder / PLAN))
-    return words(match[1].strip("'\"")) if match else ""
+    return written(own_text(folder / PLAN), "title")
+
+
+def written(plan: str, key: str) -> str:
+    """Return what a line of a resolved plan says, empty where it says nothing."""
+    match = re.search(rf"^{key}: (.*)$", plan, re.MULTILINE)
+    text = match[1].partition(" #")[0].strip() if match else "null"
+    if match and text[:1] in ("'", '"'):
+        import yaml
+
+        try:
+            return words(yaml.safe_load(match[1]))
+        except yaml.YAMLError:
+            return ""
+    return "" if text == "null" else words(text)
 
 
 def plan_of(plan: str) -> str:

@@ -149,7 +149,7 @@ byId("look-form").addEventListener("submit", async (event) => {
     say("look-said", data.steps ? "" : data.faults.join("\n"));
     if (!data.steps) return;
     byId("look-faults").replaceChildren(...data.faults.map((one) => element("li", one)));
-    say("look-title", data.title);
+    say("look-title", `${JSON.parse(looked).serial}: ${data.title}`);
     say("look-time", t("Takes about {span} of bench time.", {span: span(data.expected_s)}));
     byId("look-steps").replaceChildren(...data.steps.map((one) => stepItem(one, data.expected_s)));
     byId("look-extremes").replaceChildren(...data.extremes.map((one) => element("li", extremeText(one))));

@@ -16,6 +16,7 @@ function stateOf(data) {
   document.title = (data.prompt ? "● " : "") + titleBefore;
   say("run-title", data.dut ? `${data.dut.model} ${data.dut.serial}` : RUN);
   say("run-procedure", data.title || data.procedure);
+  byId("run-title").title = byId("run-title").textContent;
   byId("run-procedure").title = [data.title, data.procedure].filter(Boolean).join(", ");
   const waits = data.prompt || data.state === "paused", bad = ["failed", "interrupted"].includes(data.state);
   byId("pill").className = "pill" + (bad ? " bad" : waits ? " wait" : "");
@@ -65,7 +66,7 @@ function showSteps(data) {
   const gone = (one) => one.began_s === null ? 0 : data.time_s - one.began_s;
   byId("steps").replaceChildren(...data.steps.map((one) => {
     const made = element("li", null, "step " + one.state);
-    const took = one.took_s !== null ? span(one.took_s) : one.state === "now" ? t("{span} of {whole}", {span: span(gone(one)), whole: span(one.expected_s)}) : span(one.expected_s);
+    const took = one.took_s !== null ? span(one.took_s) : one.state === "now" && one.expected_s ? t("{span} of {whole}", {span: span(gone(one)), whole: span(one.expected_s)}) : span(one.state === "now" ? gone(one) : one.expected_s);
     made.append(element("span", STEP_ICONS[one.state]), element("span", one.number), element("span", one.title), element("span", took, "took"));
     if (one.state === "now") made.setAttribute("aria-current", "step");
     return made;

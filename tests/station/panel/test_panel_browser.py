@@ -196,6 +196,7 @@ def test_what_a_person_types_is_shown_as_text(page: Page, served: Served) -> Non
     home(page, served)
     page.element("serial").send_keys("<img src=x onerror=alert(1)>", Keys.ENTER)
     page.wait_for("look-said", "names the run folder and may not hold")
+    assert page.text("look-said").startswith("serial: ")
     assert not page.driver.find_elements(By.CSS_SELECTOR, "img")
 
 

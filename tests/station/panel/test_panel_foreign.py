@@ -168,6 +168,7 @@ def test_a_run_stands_by_the_title_of_its_plan(tmp_path: Path) -> None:
         ("'Coils: no. #2'", "Coils: no. #2"),
         ("磁敏感度", "磁敏感度"),
         ("null", ""),
+        (r'''"<b>O'Neil</b>: \"x\" # y"''', """<b>O'Neil</b>: "x" # y"""),
     ):
         (folder / "plan.resolved.yaml").write_text(plan.format(written), encoding="utf-8")
         assert json.loads(dict(RunWatch(folder).news({}))["state"])["title"] == title
