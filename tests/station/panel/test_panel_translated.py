@@ -103,6 +103,11 @@ def test_a_translation_shows_the_values_of_its_sentence() -> None:
             "coil_supply.x: record IA: no sample came for 10 s; switch it off by hand",
             "线圈电源 x：记录 IA：10 s 内没有采样；请手动关断",
         ),
+        ("plane io is op, or if plane op is io", "平面 io 实为 op，或平面 op 实为 io"),
+        (
+            "Alone: Ki and Km. Only together: K0 + 2e-05 Kmm.",
+            "可单独确定：Ki, Km。只能合并确定：K0 + 2e-05 Kmm。",
+        ),
         ("position of the sun", "position of the sun"),
         ("field, moon", "field, moon"),
         ("the gyro is not bolted, it is loose", "the gyro is not bolted, it is loose"),
