@@ -118,20 +118,20 @@ def _deadline_faults(document: Document, name: str, driver: object) -> Iterator[
     deadline_s = max(given_s or 0.0, own_s)
     if deadline_s == EXCHANGE_DEADLINE_S:
         return
-    tries_s, tried = TRIES * deadline_s, f"{TRIES} tries of {deadline_s:g} s at {name} take"
+    tries_s, tries = TRIES * deadline_s, f"{TRIES} tries of {deadline_s:g} s at {name}"
     for interlock, grace_s in _graces(document, name):
         if tries_s > grace_s:
             yield document.fault(
                 where,
-                f"{tried} {tries_s:g} s, longer than the grace of the interlock '{interlock}', "
-                f"{grace_s:g} s: for so long nobody would watch; write grace: {tries_s:g} s "
-                "there, or a shorter deadline",
+                f"{tries} take {tries_s:g} s, longer than the grace of the interlock "
+                f"'{interlock}', {grace_s:g} s: for so long nobody would watch; write grace: "
+                f"{tries_s:g} s there, or a shorter deadline",
             )
     if tries_s > (within_s := _within_s(document, name)):
         yield document.fault(
             where,
-            f"{tried} {tries_s:g} s, longer than its time in safe_state, {within_s:g} s; write "
-            f"within: {tries_s:g} s there, or a shorter deadline",
+            f"{tries} take {tries_s:g} s, longer than its time in safe_state, {within_s:g} s; "
+            f"write within: {tries_s:g} s there, or a shorter deadline",
         )
 
 

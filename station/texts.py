@@ -17,17 +17,22 @@ from pathlib import Path
 from station import registry
 
 ENGLISH, PANEL, REPORT, RUN, TERMINAL, FLAGS = "en", "panel", "report", "run", "terminal", "flags"
+FAULTS = "faults"
 TAGS = {"zh": "zh-CN"}
 """Language and country of a language that more than one country writes: it chooses the signs."""
 SHORT = 8
 """So long are the names of axes, of coefficients, and numbers at most."""
+FEW = 3
+"""Letters of a sentence that is tried last."""
 FOLDER = Path(__file__).parent / "catalogues"
 OF_PACKAGE = "texts"
-"""The folder, in the package of a procedure, of its own catalogues: `texts/zh.json`."""
+"""The folder, in the package of a procedure or driver, of its catalogues: `texts/zh.json`."""
 PLACE = re.compile(r"\{(\w+)\}")
 """The place of a value in a sentence."""
 FORMS = {"n": "[-+]?[0-9.]+(?:e[-+]?[0-9]+)?", "symbol": r"\S+", "IA": "[-+A-Z0-9]{1,6}"}
 """What alone fills a place of that name: a number, a word, an axis; other places hold anything."""
+AS_IT_IS = ("key", "keys")
+"""How the name of a place ends whose value stands in files: it is the same in every language."""
 INSTRUMENT = "instrument"
 """What, at the beginning, only the name of an instrument fills."""
 REMEMBERED = 5000
@@ -60,7 +65,8 @@ def tag(language: str) -> str:
 def catalogue(language: str, room: str) -> dict[str, str]:
     """Return the translation of each English sentence of a room of the station; none for English.
 
-    The rooms are the panel's own pages, reports, what runs say, the codes of flags, the terminal.
+    The rooms are the panel's own pages, reports, what runs say, the codes of flags, the terminal,
+    and what is wrong with files and run folders.
     """
     if language == ENGLISH:
         return {}
@@ -70,12 +76,13 @@ def catalogue(language: str, room: str) -> dict[str, str]:
 
 
 def of_packages(language: str) -> Iterator[tuple[str, str]]:
-    """Yield what the packages of procedures say in a language, a laboratory's own among them.
+    """Yield what the packages of procedures and drivers say in a language, a laboratory's too.
 
     What is wrong with a catalogue costs its own sentences alone: they are shown in English.
     """
-    for procedure in registry.names(registry.PROCEDURES):
-        folder = registry.folder_of(registry.PROCEDURES, procedure)
+    groups = (registry.PROCEDURES, registry.DRIVERS)
+    entries = [(group, name) for group in groups for name in registry.names(group)]
+    for folder in dict.fromkeys(registry.folder_of(*entry) for entry in entries):
         try:
             file = (folder or FOLDER) / OF_PACKAGE / f"{language}.json"
             texts = json.loads(file.read_text(encoding="utf-8"))
@@ -108,10 +115,16 @@ def whole(language: str) -> dict[str, str]:
     return {
         **dict(of_packages(language)),
         **{english: other for english, other in pages if not PLACE.search(english)},
+        **catalogue(language, FAULTS),
         **catalogue(language, TERMINAL),
         **catalogue(language, RUN),
         **catalogue(language, REPORT),
     }
+
+
+def filling(name: str) -> str:
+    """Return the regular expression of what may fill a place."""
+    return FORMS.get(name, "(?:(?![;:] ).)+?" if name.endswith(AS_IT_IS) else ".+?")
 
 
 class Pattern:
@@ -127,8 +140,10 @@ class Pattern:
         names, parts = PLACE.findall(english), [re.escape(part) for part in self._parts]
         self.begins = "" if self._parts[0] else names[0]
         """The value with which it begins."""
+        self.is_line = self._parts[1] == ":"
+        """Whether it begins with the line of a file, `plan.yaml:3`."""
         values = [
-            f"(?P<{name}>{FORMS.get(name, '.+?')}){part}"
+            f"(?P<{name}>{filling(name)}){part}"
             for name, part in zip(names, parts[1:], strict=True)
         ]
         if values and not parts[-1]:
@@ -142,8 +157,12 @@ class Pattern:
         if self.begins == INSTRUMENT:
             from station.roles.role import role, role_of
 
-            return " " not in value and role(role_of(value)) is not None
-        is_name = bool(SAME.fullmatch(value)) or (" " not in value and not value.isalpha())
+            return not {" ", ":"} & {*value} and role(role_of(value)) is not None
+        is_name = (
+            self.is_line
+            or bool(SAME.fullmatch(value))
+            or (" " not in value and not value.isalpha())
+        )
         is_short = len(value) <= max(SHORT, 2 * self.letters)
         return (
             is_name or is_short or value != translation or not any(sign.isalpha() for sign in value)
@@ -154,7 +173,7 @@ class Pattern:
     ) -> dict[str, str]:
         """Return the values as the translation has them."""
         return {
-            name: value if name in self._quoted else translated(value)
+            name: value if name in self._quoted or name.endswith(AS_IT_IS) else translated(value)
             for name, value in values.items()
         }
 
@@ -171,9 +190,11 @@ def translator(language: str) -> Callable[[str], str]:
     """Return what translates into a language; a text that no catalogue knows stays English."""
     exact: Mapping[str, str] = whole(language)
     patterns = [Pattern(english, other) for english, other in exact.items() if "{" in english]
-    # What a run says of a unit of work, or of a request, holds a sentence of the procedure's own.
-    outer = catalogue(language, RUN).values()
-    patterns.sort(key=lambda pattern: (pattern.other not in outer, -pattern.letters))
+    # What is said of a line, of a unit of work, or of a request, holds a sentence of its own;
+    # what is hardly a word, as " is ", stands in other sentences too.
+    outer = {*catalogue(language, RUN).values()}
+    first = {own for own in patterns if own.is_line or (own.other in outer and own.letters >= FEW)}
+    patterns.sort(key=lambda own: (own not in first, -own.letters))
     counts = Counter(word for pattern in patterns for word in pattern.words)
     having: dict[str, list[int]] = {}
     for index, pattern in enumerate(patterns):

@@ -120,15 +120,15 @@ class LogChain:
 
     def next_event(self, line: bytes) -> Event:
         """Return the event of the next line, without its end; raises DamagedRecord."""
-        at = f"{self._path}:{self._lines + 1}: the log was altered"
+        at = f"{self._path}:{self._lines + 1}"
         try:
             data = json.loads(line)
             previous, time_s, kind = data.pop("previous"), float(data.pop("t_s")), data.pop("event")
         except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-            raise DamagedRecord(f"{at}: this line is no event") from error
+            raise DamagedRecord(f"{at}: the log was altered: this line is no event") from error
         if previous != self.head:
-            which = f"line {self._lines} is not" if self._lines else "the first line is not"
-            raise BrokenChain(f"{at}: {which} the one that was written")
+            which = f"line {self._lines}" if self._lines else "the first line"
+            raise BrokenChain(f"{at}: the log was altered: {which} is not the one that was written")
         self.head = hashlib.sha256(line).hexdigest()
         self._lines += 1
         return Event(time_s, kind, data)

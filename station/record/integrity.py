@@ -403,9 +403,11 @@ def _altered_inputs(folder: OpenedRecord) -> Iterator[str]:
         file = {"plan": PLAN, "bench": BENCH}.get(name, name)
         now = _file_hash(folder.path / file) if file == name else data_hash(folder.path / file)
         if now != digest:
-            gone = not (folder.path / file).is_file()
-            difference = "is missing" if gone else "was changed since the run began"
-            yield f"{folder.path / file} {difference}: {EVENTS} has another SHA-256 of it"
+            here = folder.path / file
+            if here.is_file():
+                yield f"{here} was changed since the run began: {EVENTS} has another SHA-256 of it"
+            else:
+                yield f"{here} is missing: {EVENTS} has another SHA-256 of it"
 
 
 def _recorded(folder: OpenedRecord) -> dict[str, str]:

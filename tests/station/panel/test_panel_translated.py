@@ -23,7 +23,18 @@ from station.panel.watching import RunWatch
 from station.procedure import procedure_of
 from station.record.events import SAID, EventLog
 from station.record.run_state import SENTENCES
-from station.texts import ENGLISH, PANEL, RUN, Texts, catalogue, is_sound, languages, of_packages
+from station.texts import (
+    ENGLISH,
+    FAULTS,
+    PANEL,
+    RUN,
+    TERMINAL,
+    Texts,
+    catalogue,
+    is_sound,
+    languages,
+    of_packages,
+)
 
 IDEOGRAPH = re.compile("[\u4e00-\u9fff]")
 NO_WORDS = re.compile(r"[-+0-9.]+ deg/s")
@@ -81,9 +92,9 @@ def test_no_event_state_or_prompt_of_a_driver_is_left_in_english() -> None:
 
 
 def test_a_translation_shows_the_values_of_its_sentence() -> None:
-    own = catalogue("zh", RUN)
+    own = {**catalogue("zh", RUN), **catalogue("zh", FAULTS), **catalogue("zh", TERMINAL)}
     assert all(is_sound(english, other) for english, other in own.items())
-    for file in Path("procedures").glob("*/texts/*.json"):
+    for file in Path().glob("[dp]r*/*/texts/*.json"):
         stated = json.loads(file.read_text(encoding="utf-8"))
         assert stated.items() <= dict(of_packages(file.stem)).items(), file
 
@@ -108,6 +119,19 @@ def test_a_translation_shows_the_values_of_its_sentence() -> None:
             "Alone: Ki and Km. Only together: K0 + 2e-05 Kmm.",
             "可单独确定：Ki, Km。只能合并确定：K0 + 2e-05 Kmm。",
         ),
+        (
+            "/lab/plan.yaml:13:3: parameters.current: is not known here; did you mean 'currents'",
+            "/lab/plan.yaml:13:3: parameters.current: 此处无此项；您是否指 'currents'",
+        ),
+        (
+            "b.yaml:9:1: limits: must be a mapping of current, voltage",
+            "b.yaml:9:1: limits: 应为含 current, voltage 的键值对",
+        ),
+        (
+            "coil_supply.x: sent '*IDN?': no answer came within 0.5 s; check its cradle",
+            "线圈电源 x：发送 '*IDN?'：0.5 s 内无应答；check its cradle",
+        ),
+        ("b.yaml:9:1: limits: the sun is hot", "b.yaml:9:1: limits: the sun is hot"),
         ("position of the sun", "position of the sun"),
         ("field, moon", "field, moon"),
         ("the gyro is not bolted, it is loose", "the gyro is not bolted, it is loose"),
