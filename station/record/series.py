@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 MAX_POINTS = 600
 COUNTED = "counts"
+MUCH_OF_A_GAP = 0.8
 PULSE_WEIGHT = re.compile(r"^ +pulse_weight: (.*?) *(?:#.*)?$", re.MULTILINE)
 """What a count of the device is worth, in the resolved plan of a procedure that knows it."""
 MAX_COLUMNS = 4
@@ -78,8 +79,7 @@ class Thinned:
         """Return times in s and values, those of counts as what they change by in a second."""
         points = self._groups.reshape(-1, 2)
         if self._counted:
-            # What arrived together has one time: its last count is that of the time.
-            points = points[np.append(np.diff(points[:, 0]) > 0.0, True)[: len(points)]]
+            points = points[_apart(points[:, 0])]
             times = (points[1:, 0] + points[:-1, 0]) / 2.0
             values = np.diff(points[:, 1]) / np.diff(points[:, 0])
         else:
@@ -98,6 +98,22 @@ class Thinned:
             return np.empty((len(groups), 2, 2))
         chosen = np.sort(np.stack([value.argmin(axis=1), value.argmax(axis=1)], axis=1), axis=1)
         return np.take_along_axis(groups, chosen[:, :, None], axis=1)
+
+
+def _apart(time_s: Array) -> list[int]:
+    """Return which counts stand apart in time, by index.
+
+    Outputs that came in one go have nearly one time, and the change between two of them says
+    nothing: a gap that is short beside the usual one is joined to the next, and the last count of
+    what came together is that of its time.
+    """
+    gaps_s = np.diff(time_s)
+    least_s = MUCH_OF_A_GAP * float(np.quantile(gaps_s[gaps_s > 0.0], 0.9)) if gaps_s.any() else 0.0
+    kept: list[int] = []
+    for index in range(len(time_s) - 1, -1, -1):
+        if not kept or time_s[kept[-1]] - time_s[index] > least_s:
+            kept.append(index)
+    return kept[::-1]
 
 
 class RunSeries:

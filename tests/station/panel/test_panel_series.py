@@ -86,6 +86,19 @@ def test_counts_are_shown_as_a_rate_in_its_own_unit(one_axis_run: Path) -> None:
     assert np.median(first["columns"]["rate_deg/h"]["v"]) == pytest.approx(9.65, rel=0.05)
 
 
+def test_a_steady_rate_has_no_spike_whose_outputs_come_in_batches() -> None:
+    """At many times the real speed what waits on the line arrives in one go."""
+    counted = np.cumsum(np.full(5000, 2.0))
+    measured_s = np.arange(5000) * 0.1
+    arrived_s = np.ceil(measured_s / 2.3) * 2.3 + (np.arange(5000) % 7) * 1e-3
+    series = Thinned(counted=True)
+    for rows in np.split(np.arange(5000), 50):
+        series.add(np.maximum.accumulate(arrived_s)[rows], counted[rows])
+    values = series.data()["v"]
+    assert len(values) > 50
+    assert max(abs(value - 20.0) for value in values) < 10.0
+
+
 def test_counts_that_arrived_together_make_one_point_of_the_rate() -> None:
     series = Thinned(counted=True)
     series.add(np.array([1.0, 1.0, 2.0, 2.0, 3.0]), np.array([5.0, 10.0, 15.0, 20.0, 30.0]))
