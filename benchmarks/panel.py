@@ -85,6 +85,7 @@ def process(*arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
 def watched(place: Path, plan: str, speed: float) -> Iterator[tuple[int, str, Path]]:
     """A run that is going on and a panel on it: the panel's process, address, and the run."""
     (place / "plan.yaml").write_text(plan, encoding="utf-8")
+    os.environ["XDG_STATE_HOME"] = str(place / "state")  # what trips here concerns no other bench
     runs, port = place / "runs", free_port()
     with served_bench(place, speed=speed) as (at, _):
         run = ("run", place / "plan.yaml", "--served", at, "--non-interactive", "--output", runs)
