@@ -17,6 +17,8 @@ BLANKS = re.compile("( {2,})")
 """What stands between two columns."""
 FAULT = re.compile(r"(\S.*?:\d+:\d+: [^:]+: )(.+)")
 """The place of a fault in a file, for people and editors, and what is wrong there."""
+WARNED = re.compile(r"(WARNING:) (\S+:\d+:\d+: .+)")
+"""A warning of a fault in a file."""
 MARKED = re.compile(r"((?:>>|-|#|[✔✘▶·!]) )(.+)")
 WORDS = ("done", "abort", "yes", "no")
 """What a person answers, whose words in the language of the terminal mean the same."""
@@ -66,6 +68,8 @@ def _piece(text: str) -> str:
     from station.texts import Texts
 
     inner, texts = text.strip(), Texts(HERE.language)
+    if parts := WARNED.fullmatch(inner):
+        return text.replace(inner, f"{texts(parts[1])} {_piece(parts[2])}")
     for known in (FAULT, MARKED):
         if parts := known.fullmatch(inner):
             return text.replace(inner, parts[1] + _piece(parts[2]))

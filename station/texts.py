@@ -47,8 +47,13 @@ LINES = re.compile(r"(\n *(?:- )?)")
 """What stands between two lines, of a list or not."""
 WORD = re.compile(r"[A-Za-z\0]+")
 COMBINATION = r"(?: ?[-+−]? ?(?:[0-9.]+(?:e[-+]?[0-9]+)? )?K\w+)+"
-SAME = re.compile(rf"[-+]?[0-9.]+|[A-Z]{{1,2}}|[A-Za-z0-9]+_\w+|(?:[-+]?[xyz])+|{COMBINATION}")
-"""Numbers, axes, coefficients and names of columns: the same in every language."""
+SAME = re.compile(
+    rf"[-+]?[0-9.]+|[A-Z]{{1,2}}|[A-Za-z0-9]+_\w+|(?:[-+]?[xyz])+|`[^`]+`|{COMBINATION}"
+)
+"""Numbers, axes, coefficients, names of columns and commands: the same in every language."""
+IDEOGRAPH = "[\u4e00-\u9fff]"
+TOUCHING = re.compile(rf"(?<=[A-Za-z0-9])\0+(?={IDEOGRAPH})|(?<={IDEOGRAPH})\0+(?=[A-Za-z0-9])")
+"""Where, with a zero at either end of a value, a blank stands between it and its sentence."""
 
 
 def languages() -> tuple[str, ...]:
@@ -234,7 +239,8 @@ def translator(language: str) -> Callable[[str], str]:
             values = pattern.inserted(given, translated)
             begins = given.get(pattern.begins, "")
             if values and pattern.may_begin(begins, values.get(pattern.begins, "")):
-                return pattern.other.format(**values)
+                ends = {name: f"\0{value}\0" for name, value in values.items()}
+                return TOUCHING.sub(" ", pattern.other.format(**ends)).replace("\0", "")
         return None
 
     def listed(parts: Sequence[str], joint: str) -> str | None:

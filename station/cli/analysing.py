@@ -38,7 +38,7 @@ def print_document(document: ResultDocument) -> None:
     for result in document.results:
         estimate, combined = result.estimate, result.combined
         value, uncertainty = format_result(result)
-        line = f"{said(estimate.measures)} {estimate.axis or '':<3} {value:>10}"
+        line = f"{said(estimate.measures)} {estimate.axis or '':<3} {said(f'{value:>10}')}"
         if combined:
             line += f" ± {uncertainty} {estimate.unit} (k = {combined.coverage_factor:.2f})"
         if estimate.holds_at:

@@ -44,7 +44,7 @@ def lines(comparison: Comparison) -> Iterator[str]:
     yield said("results:")
     yield from table(
         [
-            ("", "A", "B", said("unit"), "B - A", "in u"),
+            ("", "A", "B", said("unit"), "B - A", said("in u")),
             *(_result(result) for result in comparison.results),
         ]
     )

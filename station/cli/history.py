@@ -66,9 +66,15 @@ def lines(series: Series) -> list[str]:
         for row in rows
     )
     more = len(series.entries) - len(shown)
-    head = f"{series.procedure}  {said(series.title)}, {series.unit}"
+    head = f"{series.procedure}  {title_of(series)}, {series.unit}"
     left_out = said(f"  ({more} earlier runs not shown)") if more else ""
     return [head + left_out, *(f"  {row}".rstrip() for row in padded), *_verdict(series)]
+
+
+def title_of(series: Series) -> str:
+    """Return what a row is called in the language of this terminal."""
+    words = (said(series.name.replace("_", " ")), series.axis)
+    return " ".join(filter(None, (*words, said("(simulated)") if series.simulated else "")))
 
 
 def _cells(entry: Entry) -> Sequence[str]:

@@ -42,7 +42,7 @@ from station.record.files import is_own_file
 from station.record.layout import EVENTS
 from station.record.run_list import first_event, newest_runs
 from station.record.verification import refuse_unproven
-from station.texts import ENGLISH, PANEL, Texts, catalogue, languages, preferred, tag
+from station.texts import ENGLISH, FLAGS, PANEL, Texts, catalogue, languages, preferred, tag
 
 PAGES = Path(__file__).parent / "pages"
 PLOTLY = Path(str(files("plotly"))) / "package_data"
@@ -214,7 +214,11 @@ class Panel:
         refuse_unproven(path.parent)
         if language_of(request) == ENGLISH:
             return FileResponse(path, media_type="application/json")
-        return said(request, json.loads(path.read_text(encoding="utf-8")), OF_RESULTS)
+        data = json.loads(path.read_text(encoding="utf-8"))
+        titles = catalogue(language_of(request), FLAGS)
+        for flag in data["flags"]:
+            flag["title"] = titles.get(flag["code"], "")
+        return said(request, data, OF_RESULTS)
 
     def report(self, request: Request) -> Response:
         """Return the report of a run, which may run nothing."""

@@ -11,7 +11,7 @@ STATE = (
     *("title", "sentence", "message", "text", "checklist", "then", "name"),
     *("read_back", "why"),
 )
-LIVE = ("set", "said", "text", "now")
+LIVE = ("set", "said", "text", "now", "name")
 LOOK = ("title", "text", "warnings", "faults", "which", "quantity", "note")
 HOME = ("title", "what")
 OF_RESULTS = ("message", "name")

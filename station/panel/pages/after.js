@@ -40,7 +40,7 @@ async function after() {
   show("results-card", true);
   byId("verdict").replaceChildren(element("span", `${ICONS[data.verdict]} ${WORDS[data.verdict]}`, "verdict " + data.verdict));
   byId("results").replaceChildren(...data.results.map(resultRow));
-  byId("flags").replaceChildren(...data.flags.map((one) => element("li", [one.code, one.axis, one.message].filter(Boolean).join(": "))));
+  byId("flags").replaceChildren(...data.flags.map((one) => element("li", [[one.title, one.code].filter(Boolean).join(" "), one.axis, one.message].filter(Boolean).join(": "))));
   show("report", true);
   byId("report").href = API + "report";
   show("certificate", true);
