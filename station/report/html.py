@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any
 
@@ -29,7 +29,7 @@ from station.report.numbers import (
     typeset,
 )
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
-from station.texts import FLAGS, IN_ENGLISH, Texts, catalogue, tag
+from station.texts import FLAGS, IN_ENGLISH, Texts, catalogue, tag, translator
 from station.uncertainty import BudgetLine
 
 BADGES = {
@@ -106,7 +106,10 @@ def environment(texts: Texts = IN_ENGLISH) -> Environment:
     environment.filters["words"] = lambda text: " ".join(texts(text).splitlines())
     environment.filters["flag"] = lambda code: flag_title(code, texts)
     environment.filters["lines"] = _lines
-    environment.filters["minus"] = typeset
+    environment.filters["minus"] = lambda text: typeset(
+        " ".join(texts(text).splitlines()) if text.strip() == UNDETERMINED else text
+    )
+    environment.filters["methods"] = lambda methods: _lines(methods_in_words(methods, texts))
     environment.filters["duration"] = format_duration
     environment.filters["moment"] = _moment
     return environment
@@ -115,6 +118,13 @@ def environment(texts: Texts = IN_ENGLISH) -> Environment:
 def _lines(text: str) -> Markup:
     """Return a text with its lines one below the other."""
     return Markup("<br>").join(text.splitlines())
+
+
+def methods_in_words(methods: Iterable[str], texts: Texts) -> str:
+    """Return the methods of results as a sentence in each language, a line each."""
+    named = [*dict.fromkeys(methods)]
+    each = map(translator, texts.languages)
+    return "\n".join(said(f"Method: {said(', ').join(map(said, named))}.") for said in each)
 
 
 def flag_title(code: str, texts: Texts) -> str:
