@@ -108,5 +108,7 @@ def show(text: str = "") -> None:
 
 def answered(line: str) -> str:
     """Return a typed answer as it is recorded: a word of this language as the English one."""
+    if HERE.language == ENGLISH:
+        return line
     word = line.strip().rstrip("!.！。").lower()
     return next((english for english in WORDS if word and word == said(english)), line)
