@@ -134,7 +134,8 @@ function stepItem(one, whole_s) {
 
 function extremeText(one) {
   const value = one.value === null ? one.note || t("unknown") : `${Number(one.value.toPrecision(4))} ${typeset(one.unit)}`;
-  return `${one.which} ${one.quantity}: ${value} (${placeName(one.instrument)})`;
+  const what = t("{which} {quantity}", {which: one.which, quantity: one.quantity});
+  return `${what}: ${value} (${placeName(one.instrument)})`;
 }
 
 byId("look-form").addEventListener("submit", async (event) => {
