@@ -29,7 +29,8 @@ from station.runner.evaluation import (
     write_results,
     write_revision,
 )
-from station.speech import said, show
+from station.speech import HERE, said, show
+from station.texts import FLAGS, catalogue
 
 
 def print_document(document: ResultDocument) -> None:
@@ -49,8 +50,10 @@ def print_document(document: ResultDocument) -> None:
         if result.limit is not None:
             line += said(f"   {result.decision.verdict}")
         print(line)
+    titles = catalogue(HERE.language, FLAGS)
     for flag in document.flags:
-        print(f"{flag.code}{f' {flag.axis}' if flag.axis else ''}: {said(flag.message)}")
+        named = " ".join(filter(None, (titles.get(flag.code), flag.code, flag.axis)))
+        print(f"{named}: {said(flag.message)}")
     show(f"verdict: {document.verdict}")
 
 

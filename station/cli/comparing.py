@@ -79,4 +79,4 @@ def _result(pair: ResultPair) -> tuple[str, ...]:
     )
     u = max(pair.first_u or 0.0, pair.second_u or 0.0)
     difference = format_with_uncertainty(pair.difference, u or None)[0]
-    return title, first, second, pair.unit, difference, format_number(pair.in_u, 2)
+    return title, first, second, pair.unit, said(difference), format_number(pair.in_u, 2)
