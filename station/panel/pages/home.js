@@ -14,12 +14,43 @@ function wanted() {
           serial: serials()[0] || "", operator: byId("operator").value};
 }
 
-// A scanner types wherever the focus is: what it types belongs to the serial number.
+// What is typed while no field has the focus belongs to the serial number.
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey || event.key.length !== 1) return;
   if (document.activeElement.tagName === "INPUT" || (["BUTTON", "SELECT"].includes(document.activeElement.tagName) && event.key === " ")) return;
   if (!byId("content").hidden) byId("serial").select();  // what is typed now takes the place of what stood there
 });
+
+// A scanner types faster than a person and ends with Enter: what it typed is the serial number,
+// whole and alone, wherever the focus was; the field it typed into gets back what stood there.
+const SCAN_GAP_MS = 50, SCAN_LENGTH = 3;
+let scan = {keys: "", at_ms: -Infinity};
+document.addEventListener("keydown", (event) => {
+  if (byId("content").hidden || event.ctrlKey || event.altKey || event.metaKey) return;
+  if (event.key.length !== 1 && event.key !== "Enter") return;
+  const fast = event.timeStamp - scan.at_ms < SCAN_GAP_MS;
+  if (event.key === "Enter") {
+    if (fast && scan.keys.length >= SCAN_LENGTH) takeScan(event);
+    scan = {keys: "", at_ms: -Infinity};
+  } else {
+    const field = document.activeElement;
+    if (!fast) scan = {keys: "", field, before: field.value};
+    scan.keys += event.key;
+    scan.at_ms = event.timeStamp;
+  }
+}, true);
+
+function takeScan(event) {
+  event.preventDefault();
+  if (scan.field.tagName === "INPUT" && scan.field.value !== scan.before) put(scan.field, scan.before);
+  put(byId("serial"), scan.keys);
+  byId("look-form").requestSubmit();
+}
+
+function put(field, text) {
+  field.value = text;
+  field.dispatchEvent(new Event("input"));
+}
 
 // What a link asks for, else what was chosen last.
 function remembered() {

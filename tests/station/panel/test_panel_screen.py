@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,16 @@ def focused(page: Page) -> str:
     return str(page.driver.switch_to.active_element.get_attribute("id"))
 
 
+def press(page: Page, keys: str, apart_s: float) -> None:
+    """Press keys with times between them that do not depend on how busy the machine is."""
+    begin_s = time.time()
+    for number, key in enumerate(keys):
+        at_s = begin_s + number * apart_s
+        pressed = {"text": key, "key": "Enter" if key == "\r" else key, "timestamp": at_s}
+        page.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyDown", **pressed})
+        page.driver.execute_cdp_cmd("Input.dispatchKeyEvent", {"type": "keyUp", **pressed})
+
+
 def test_a_scan_goes_into_the_serial_number_whatever_the_page_is_doing(
     page: Page, served: Served
 ) -> None:
@@ -90,6 +101,32 @@ def test_a_scan_goes_into_the_serial_number_whatever_the_page_is_doing(
     page.element("serial").send_keys(Keys.CONTROL, "a", Keys.NULL, "SN-78")
     page.element("search").send_keys("0042")  # who writes elsewhere goes on there
     assert page.element("serial").get_attribute("value") == "SN-78"
+
+
+@pytest.mark.parametrize("field", ["serial", "search", "operator"])
+def test_a_scan_sets_the_serial_number_alone_wherever_a_click_went_before(
+    page: Page, served: Served, field: str
+) -> None:
+    home(page, served)
+    page.element("serial").send_keys("SN-1")
+    if field != "serial":
+        page.element(field).send_keys("Li")
+    page.click(field)
+    press(page, "SN-2\r", apart_s=0.01)
+    page.wait(lambda: page.element("serial").get_attribute("value") == "SN-2")
+    if field != "serial":
+        assert page.element(field).get_attribute("value") == "Li"
+    page.wait_for("look-title", "SN-2")
+
+
+@pytest.mark.parametrize("field", ["serial", "search", "operator"])
+def test_what_a_person_types_stays_where_it_is_typed(
+    page: Page, served: Served, field: str
+) -> None:
+    home(page, served)
+    page.element(field).send_keys("SN-1")
+    press(page, "SN-2\r", apart_s=0.1)
+    assert page.element(field).get_attribute("value") == "SN-1SN-2"
 
 
 def test_serial_numbers_of_a_list_follow_one_another(page: Page, served: Served) -> None:
