@@ -156,6 +156,15 @@ def encoded(text: str, stream: TextIO) -> bytes:
     return text.encode(stream.encoding or "utf-8", errors="backslashreplace")
 
 
+def holds_every_sign(stream: TextIO) -> bool:
+    """Whether the encoding of a stream has signs of other languages than English."""
+    try:
+        "中".encode(getattr(stream, "encoding", None) or "utf-8")
+    except UnicodeError:
+        return False
+    return True
+
+
 def write_whole(handle: int, data: bytes) -> None:
     """Write all of it, however long that takes; raises OSError."""
     left = memoryview(data)

@@ -19,6 +19,7 @@ FAULT = re.compile(r"(\S.*?:\d+:\d+: [^:]+: )(.+)")
 """The place of a fault in a file, for people and editors, and what is wrong there."""
 WARNED = re.compile(r"(WARNING:) (\S+:\d+:\d+: .+)")
 """A warning of a fault in a file."""
+WORD = re.compile(r" *[\u2e80-\u9fff] *[\u3000-\u303f\uff00-\uffef]? *|[^ \u2e80-\u9fff]+ *| +")
 MARKED = re.compile(r"((?:>>|-|#|[✔✘▶·!]) )(.+)")
 WORDS = ("done", "abort", "yes", "no")
 """What a person answers, whose words in the language of the terminal mean the same."""
@@ -87,6 +88,20 @@ def cells(text: str) -> int:
     from rich.cells import cell_len
 
     return cell_len(text)
+
+
+def folded(text: str, width: int, indent: int) -> str:
+    """Return a text in lines that take at most `width` columns after an indent.
+
+    They end between two words, a Chinese sign being one; a word that is longer is cut.
+    """
+    lines = [""]
+    for word in WORD.findall(text):
+        for part in [word] if cells(word.rstrip()) <= width else word:
+            if cells((lines[-1] + part).rstrip()) > width:
+                lines.append("")
+            lines[-1] += part if lines[-1] else part.lstrip()
+    return f"\n{' ' * indent}".join(line.rstrip() for line in lines)
 
 
 def padded(text: str, width: int) -> str:

@@ -30,7 +30,7 @@ def main() -> None:
     # The exit code is known then; the system's own reaction to Ctrl-C would replace it.
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
     from station.cli.app import app
-    from station.console import tell
+    from station.console import holds_every_sign, tell
     from station.errors import (
         EXIT_ABORTED,
         EXIT_FAULT,
@@ -42,7 +42,8 @@ def main() -> None:
     from station.packages import clashes, why_broken
     from station.speech import HERE, of_environment
 
-    HERE.language = of_environment()
+    if all(map(holds_every_sign, (sys.stdout, sys.stderr))):  # else signs would be numbers
+        HERE.language = of_environment()
     try:
         if (broken := why_broken()) is not None:
             raise StationError(broken)
@@ -58,6 +59,9 @@ def main() -> None:
     except Exception as error:  # a fault of ours must not look like a result outside its limit
         show = getattr(error, "show", None)
         if show is not None:  # a wrong command line, in the words of the library that reads it
+            from station.cli.wrong_words import say_what_was_meant
+
+            say_what_was_meant(error)
             words = StringIO()
             show(file=words)
             tell(words.getvalue(), end="")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Any
 
 from station import registry
@@ -18,7 +20,7 @@ from station.record.run_list import newest_runs
 from station.record.run_names import RUNS
 from station.record.run_state import SENTENCES
 from station.record.verification import quick_look
-from station.speech import padded, said, show
+from station.speech import folded, padded, said, show
 
 
 def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> None:
@@ -83,6 +85,8 @@ def listed_run(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 MAX_UNITS = 6
+NAMES, LEAST_COLUMNS = 16, 20
+"""Columns of a terminal for names, and at least for what is said beside them."""
 
 
 def print_status(run: Path | None, *, as_json: bool) -> None:
@@ -93,10 +97,15 @@ def print_status(run: Path | None, *, as_json: bool) -> None:
         kept = {"state": record.state, "depth": record.depth, "changed": list(record.changed)}
         print(json.dumps({**status.to_data(), "record": kept}, indent=1, ensure_ascii=False))
         return
-    for name, text in rows(status):
-        print(f"{padded(name, 16)}{said(text)}")
+    table = rows(status)
     if not record.going_on:
-        print(f"{padded('record', 16)}{said(record.sentence())}")
+        table.append(("record", record.sentence()))
+    columns = get_terminal_size().columns if sys.stdout.isatty() else None
+    for name, text in table:
+        shown = said(text)
+        if columns is not None:
+            shown = folded(shown, max(columns - NAMES, LEAST_COLUMNS), NAMES)
+        print(f"{padded(name, NAMES)}{shown}")
 
 
 def rows(status: Status) -> list[tuple[str, str]]:

@@ -12,7 +12,7 @@ from station import registry
 from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
 from station.files.faults import MAX_FAULTS, listed, shortened, shown
-from station.files.lookup import BENCHES, PLANS, find
+from station.files.lookup import BENCHES, PLANS, find, is_missing
 from station.files.plan import Plan, read_plan
 from station.files.plan.model import LONGEST, MAX_S
 from station.files.plan.resolved import resolved_data, resolved_text
@@ -73,6 +73,8 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
 
 def read_served(path: Path) -> dict[str, Any]:
     """Return where a `station sim` in another process serves, from a file with its first line."""
+    if is_missing(path):
+        raise InputError(f"the path {path} does not exist")
     try:
         head = json.loads(path.read_text(encoding="utf-8").splitlines()[0])
         clock = {name: float(head["clock"][name]) for name in ("speed", "epoch_unix")}

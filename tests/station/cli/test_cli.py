@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
+from bad_input_files import here
 from command_line import PLAN, begun, station, station_command, with_addresses
 from places import SIM
 
@@ -240,6 +241,26 @@ def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
     assert "did you mean" in done.stderr
     for arguments in (("run", "--json"), ("status", "--bogus", "--json"), ("levitate", "--json")):
         assert json.loads(station(tmp_path, *arguments).stdout)["exit_code"] == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("stauts", "Error: No such command 'stauts'.\nDid you mean 'status'?\n"),
+        ("frobnicate", "Error: No such command 'frobnicate'.\nthere are run, attach, pause, "),
+        ("run x --non-interactve", "option: --non-interactve\nDid you mean --non-interactive?\n"),
+        ("new pln x", "for 'kind': Did you mean 'plan'?\n'pln' is not one of 'procedure', 'plan'"),
+        ("list nix", "Error: Invalid value for 'kind': 'nix' is not one of 'procedures', "),
+        ("run x y", "Error: Got unexpected extra arguments (y)\n"),
+        ("run rlg-magnetic-sensitivity --served no.json", "the path no.json does not exist\n"),
+    ],
+)
+def test_what_was_meant_comes_first_then_what_there_is(
+    line: str, said: str, tmp_path: Path
+) -> None:
+    done = here(line.split(), tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
 
 
 def test_sim_serves_instruments_to_any_client_until_interrupted(tmp_path: Path) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import PLAN, station
+from command_line import PLAN, station, station_command
 from terminal import OnTerminal
 
 from station.cli.attaching import in_english
@@ -83,6 +85,20 @@ def test_a_word_of_the_language_is_recorded_as_the_english_one(typed: str, recor
 def test_the_process_of_a_run_speaks_english_to_whoever_shows_it() -> None:
     for arguments in (["--lang", "zh", "run", "p"], ["run", "p", "--lang=zh"], ["run", "p"]):
         assert in_english(arguments) == ["--lang", ENGLISH, "run", "p"]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "chinese"), [("utf-8", True), ("gb18030", True), ("ascii", False)]
+)
+def test_a_terminal_whose_encoding_has_no_chinese_is_spoken_to_in_english(
+    encoding: str, chinese: bool, tmp_path: Path
+) -> None:
+    where = {**os.environ, **CHINESE, "PYTHONIOENCODING": encoding}
+    done = subprocess.run(
+        station_command("run", "nix"), cwd=tmp_path, env=where, capture_output=True, check=False
+    )
+    assert bool(IDEOGRAPH.search(done.stderr.decode(encoding))) == chinese
+    assert b"\\u" not in done.stderr
 
 
 def test_a_misspelt_plan_is_refused_in_chinese_and_its_document_stays_english(

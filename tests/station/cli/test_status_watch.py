@@ -14,6 +14,7 @@ from terminal import OnTerminal
 from station.cli.watching import watch_status
 from station.files.locks import FileLock
 from station.record.layout import EVENTS, LOCK
+from station.speech import cells, folded
 
 
 @pytest.fixture
@@ -46,6 +47,29 @@ def test_a_run_is_drawn_in_place_until_it_ends(copy: Path, columns: int, rows: i
     assert len([line for line in last if line.startswith("state")]) == 1
     assert "✔ the bench is safe, read back from every instrument that can harm" in last
     assert (terminal.wrapped, terminal.past) == (0, [])
+
+
+@pytest.mark.parametrize("columns", [40, 80])
+def test_the_state_is_folded_to_the_width_of_the_terminal(copy: Path, columns: int) -> None:
+    terminal = OnTerminal(copy, "status", copy, columns=columns)
+    assert (terminal.ended(), terminal.wrapped) == (0, 0)
+    told = " ".join(" ".join(terminal.lines).split())
+    assert "bench safe, read back from every instrument that can harm" in told
+
+
+@pytest.mark.parametrize("width", [20, 24, 64])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "runs/20261127T132510Z-rlg-magnetic-sensitivity-SN-0042",
+        "安全，凡可能造成危害的仪器均已回读（不含 coil_supply.x），请查看 S9  线圈和陀螺断电",
+        "",
+    ],
+)
+def test_nothing_folded_is_wider_than_its_column_and_nothing_is_lost(text: str, width: int) -> None:
+    lines = folded(text, width, indent=2).split("\n  ")
+    assert max(map(cells, lines)) <= width
+    assert "".join("".join(lines).split()) == "".join(text.split())
 
 
 def test_without_a_terminal_a_line_comes_with_every_change_until_the_run_ends(
