@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tomllib
@@ -59,11 +60,15 @@ def test_a_new_procedure_passes_its_own_tests(tmp_path: Path) -> None:
     make_known(project, folder)
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", folder],
-        env={"PYTHONPATH": str(folder), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        env={
+            "PYTHONPATH": str(folder),
+            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+            "XDG_STATE_HOME": os.environ["XDG_STATE_HOME"],  # where no bench of the user tripped
+        },
         capture_output=True,
         encoding="utf-8",
         check=False,
-        timeout=120,
+        timeout=300,
     )
     assert "2 passed" in done.stdout, done.stdout + done.stderr
 
