@@ -284,6 +284,8 @@ def test_a_sparkline_is_as_wide_as_its_values_or_its_place() -> None:
     assert sparkline([0.0, 0.0, 4.0, 4.0], 2, "_-=") == "_="
     assert sparkline([5.0, 5.0], 10, "_-=") == "--"
     assert sparkline([], 10, "_-=") == ""
+    assert sparkline([99.0, *(0.0, 1.0, 2.0) * 20], 61, "_-=") == "=" + "_-=" * 20  # a glitch
+    assert sparkline([99.0, *(0.0,) * 60], 61, "_-=") == "=" + "_" * 60
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(80, 23), (130, 23), (200, 49)])
