@@ -19,7 +19,7 @@ from station.record.events import LogTail
 from station.record.folder import RESULTS
 from station.record.layout import EVENTS, RAW
 from station.speech import ENGLISH, HERE, answered, of_environment, padded, said
-from station.texts import TERMINAL, catalogue, is_sound, languages
+from station.texts import TERMINAL, Texts, catalogue, is_sound, languages
 
 IDEOGRAPH = re.compile("[\u4e00-\u9fff]")
 CHINESE = {"LC_ALL": "", "LC_MESSAGES": "", "LANG": "zh_CN.UTF-8"}
@@ -182,3 +182,15 @@ def test_a_prompt_that_is_answered_in_chinese_is_recorded_in_english(tmp_path: P
     assert [(one["answer"], one["by"]) for one in answers] == [("done", "operator")]
     assert read_status(run).bench_safe
     assert not IDEOGRAPH.search((run / EVENTS).read_text(encoding="utf-8"))
+
+
+def test_a_blank_stands_between_a_latin_name_and_the_chinese_beside_it() -> None:
+    current = "coil_supply.y current is 8.3 A, above 8.2 A (for 0.4 s)"
+    trip = f"the interlock coil-y-current tripped at 120.4 s: {current}"
+    reading = "线圈电源 y 电流为 8.3 A，高于 8.2 A（已持续 0.4 s）"
+    assert Texts("zh")(trip) == f"联锁“线圈 y 电流”在 120.4 s 时动作：{reading}"
+    chain = "the interlock chain tripped at 3.000 s: interlock_chain chain is open (open: door)"
+    card = f"{chain}; `station acknowledge sim`"
+    assert Texts("zh")(card) == (
+        "联锁“联锁链”在 3.000 s 时动作：联锁链断开（断开的触点：门）；`station acknowledge sim`"
+    )
