@@ -19,37 +19,42 @@ from station.procedure import (
 )
 from station.safety.drift import DRIFT
 
-from .causes import CAUSES
-from .chamber import CHAMBER_PART
-from .clocks import CLOCK_PART
-from .coils import COIL_PART
-from .contacts import CONTACT_PART
+from . import (
+    chamber,
+    clocks,
+    coils,
+    contacts,
+    gyro,
+    lines,
+    motion,
+    pick_up,
+    probe,
+    stage,
+    supplies,
+)
 from .drift import drift_axes, unlike
-from .gyro import GYRO_PART
-from .lines import LINES_PART, records_of_asked
-from .motion import MOTION_PART
+from .lines import records_of_asked
 from .parameters import CommissioningParameters
-from .parts import Part
-from .pick_up import PICK_UP_PART
-from .probe import PROBE_PART
-from .stage import STAGE_PART
-from .supplies import SUPPLY_PART
+from .part import CAUSES, Part
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
-PARTS: tuple[Part, ...] = (
-    CONTACT_PART,
-    LINES_PART,
-    SUPPLY_PART,
-    COIL_PART,
-    PROBE_PART,
-    PICK_UP_PART,
-    MOTION_PART,
-    STAGE_PART,
-    GYRO_PART,
-    CHAMBER_PART,
-    CLOCK_PART,
+PARTS: tuple[Part, ...] = tuple(
+    module.PART
+    for module in (
+        contacts,
+        lines,
+        supplies,
+        coils,
+        probe,
+        pick_up,
+        motion,
+        stage,
+        gyro,
+        chamber,
+        clocks,
+    )
 )
 """In the order in which they are walked."""
 
@@ -68,7 +73,7 @@ def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUs
     """Return what the analyses take of calibration records."""
     uses = [use for part, own in chosen(parameters) for use in part.records(own, bench)]
     used = {part.name: part.instruments(parameters) for part, _ in chosen(parameters)}
-    asking = {LINES_PART.name, CLOCK_PART.name}
+    asking = {lines.PART.name, clocks.PART.name}
     measured = {name for part, names in used.items() if part not in asking for name in names}
     asked = dict.fromkeys(name for part in asking & set(used) for name in used[part])
     only_asked = [name for name in asked if name not in measured]

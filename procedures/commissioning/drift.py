@@ -9,7 +9,7 @@ from station.findings import Estimate, Flag, undetermined
 from station.instruments.commissioned import Commissioned
 from station.safety.drift import DRIFT
 
-from .parts import Part
+from .part import Part
 
 METHOD = "difference from the commissioning over what is allowed"
 

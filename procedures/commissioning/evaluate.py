@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from typing import TYPE_CHECKING, Any
 
 from station.files.yaml.document import Document
 from station.files.yaml.reading import read_yaml
-from station.findings import NOT_TRIED, Findings, Flag
+from station.findings import NOT_TRIED, Estimate, Findings, Flag
 from station.instruments.commissioned import Commissioned
 from station.record.layout import BENCH_AS_WRITTEN
 
 from . import PARTS, chosen
-from .causes import named_causes
+from .causes import coil_causes
+from .coils import CoilAnalysis
 from .completing import Completion, Withheld, confirmed_forms, figures_to_watch, files_of
 from .drift import drifts, flags_of
 from .parameters import CommissioningParameters
-from .parts import Part
+from .part import CAUSES, NOT_MEASURED, UNDECIDED, Part
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
@@ -47,7 +48,9 @@ def findings_of_run(
     folder: RunFolder, parameters: CommissioningParameters, bench: Bench
 ) -> Findings:
     """Return the figures and causes of every part that was recorded, and what has drifted."""
-    parts = [(part, part.findings(folder, own, bench)) for part, own in chosen(parameters)]
+    parts = [
+        (part, with_causes(part.findings(folder, own, bench))) for part, own in chosen(parameters)
+    ]
     estimates = [estimate for _, findings in parts for estimate in findings.estimates]
     flags = [flag for _, findings in parts for flag in findings.flags]
     estimates.append(named_causes(flags))
@@ -97,6 +100,26 @@ def findings_of_run(
             None if parameters.watch else commissioned,
         ),
     )
+
+
+def with_causes(findings: Findings) -> Findings:
+    """Return the findings of a part with the causes that its figures decide together."""
+    analysis = findings.detail.analysis
+    if not isinstance(analysis, CoilAnalysis):
+        return findings
+    return replace(findings, flags=[*findings.flags, *coil_causes(analysis.measured)])
+
+
+def named_causes(flags: Sequence[Flag]) -> Estimate:
+    """Return the number of causes among the flags of all parts, with their codes.
+
+    A cause may have no figure of its own that a limit could hold, such as a reversed accelerometer.
+    """
+    codes = [flag.code for flag in flags if not flag.code.endswith(UNDECIDED)]
+    named = [code for code in codes if code not in (NOT_MEASURED, NOT_TRIED)]
+    extra = {"codes": named}
+    method = "causes that the parts name"
+    return Estimate(CAUSES, None, float(len(named)), "1", 0.0, None, method, {}, extra)
 
 
 def files_of_run(findings: Findings, document: ResultDocument) -> dict[str, str]:

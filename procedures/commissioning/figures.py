@@ -11,8 +11,7 @@ from station.report.numbers import format_limit, format_result
 from station.results import Result, ResultDocument
 
 from . import PARTS
-from .causes import CAUSES, NOT_MEASURED, UNDECIDED
-from .parts import Part
+from .part import CAUSES, NOT_MEASURED, UNDECIDED, Part
 
 PASSED, FAILED, OPEN = "passed", "FAILED", "not decided"
 

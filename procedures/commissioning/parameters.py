@@ -8,17 +8,17 @@ from pydantic import Field
 
 from station.fields import StrictModel
 
-from .chamber.parameters import ChamberParameters
-from .clocks.parameters import ClockParameters
-from .coils.parameters import CoilParameters
-from .contacts.parameters import ContactParameters
-from .gyro.parameters import GyroParameters
-from .lines.parameters import LineParameters
-from .motion.parameters import MotionParameters
-from .pick_up.parameters import PickUpParameters
-from .probe.parameters import ProbeParameters
-from .stage.parameters import StageParameters
-from .supplies.parameters import SupplyParameters
+from .chamber import ChamberParameters
+from .clocks import ClockParameters
+from .coils import CoilParameters
+from .contacts import ContactParameters
+from .gyro import GyroParameters
+from .lines import LineParameters
+from .motion import MotionParameters
+from .pick_up import PickUpParameters
+from .probe import ProbeParameters
+from .stage import StageParameters
+from .supplies import SupplyParameters
 
 PartName = Literal[
     "contacts",

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from procedures.commissioning.coils.causes import Measured, causes_of
+from procedures.commissioning.causes import coil_causes
+from procedures.commissioning.coils import Measured
 
 HEALTHY = Measured(
     response=np.eye(3),
@@ -21,7 +22,7 @@ HEALTHY = Measured(
 
 
 def codes(measured: Measured) -> list[str]:
-    return [flag.code for flag in causes_of(measured)]
+    return [flag.code for flag in coil_causes(measured)]
 
 
 def test_a_healthy_bench_has_no_cause() -> None:
@@ -31,7 +32,7 @@ def test_a_healthy_bench_has_no_cause() -> None:
 def test_a_field_that_stays_when_the_output_is_off_is_named() -> None:
     left = np.zeros((3, 3))
     left[1, 1] = 0.2
-    found = causes_of(replace(HEALTHY, after_off_mT=left))
+    found = coil_causes(replace(HEALTHY, after_off_mT=left))
     assert [(one.code, one.axis) for one in found] == [("output-stays-on", "y")]
 
 
@@ -68,7 +69,7 @@ KNOWN = replace(HEALTHY, expected_mT=np.array([0.021, 0.004, -0.043]))
 
 def test_a_coil_and_its_probe_axis_that_are_both_reversed_are_named_by_the_ambient_field() -> None:
     mirrored = replace(KNOWN, ambient_mT=np.array([0.02, 0.004, 0.04]))
-    found = {(one.code, one.axis) for one in causes_of(mirrored)}
+    found = {(one.code, one.axis) for one in coil_causes(mirrored)}
     assert found == {("probe-axis-reversed", "z"), ("coil-polarity-reversed", "z")}
 
 
@@ -101,5 +102,5 @@ def test_a_coil_leans_by_its_own_field_whatever_constant_is_stated() -> None:
 def test_the_sign_of_a_coil_is_decided_with_the_axes_of_the_probe_swapped() -> None:
     exchanged = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     swapped = replace(KNOWN, response=exchanged, ambient_mT=np.array([0.004, 0.021, -0.043]))
-    found = {(one.code, one.axis) for one in causes_of(swapped)}
+    found = {(one.code, one.axis) for one in coil_causes(swapped)}
     assert found == {("probe-axes-swapped", None), ("coil-polarity-reversed", "x")}

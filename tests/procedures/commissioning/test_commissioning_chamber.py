@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
+from plan_runs import run_of, shipped_bench
 
-from procedures.commissioning.chamber import limits
-from procedures.commissioning.chamber.analysis import lag_of
+from procedures.commissioning.chamber import lag_of
 
 
 def short_plan() -> dict[str, Any]:
@@ -39,13 +38,6 @@ def test_a_lag_of_a_ramp_stays_behind_by_its_time_constant() -> None:
     time_s = np.arange(0.0, 1000.0, 10.0)
     behind = 0.01 * time_s - lag_of(time_s, 0.01 * time_s, 50.0)
     assert behind[-1] == pytest.approx(0.5, rel=1e-6)
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["chamber_overshoot"] == {"max": f"{limits.OVERSHOOT_K:g} K"}
-    assert stated["chamber_steady_error"] == {"max_abs": f"{limits.STEADY_ERROR_K:g} K"}
-    assert stated["thermometer_gain"] == {"min": 1.0 - limits.GAIN, "max": 1.0 + limits.GAIN}
 
 
 def test_thermometers_that_are_all_in_the_air_are_named(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import yaml
 from commissioning_parts import only
 from plan_runs import shipped_bench
 
-from procedures.commissioning.coils import COIL_PART
+from procedures.commissioning import coils
 from station.cli.commissioning import commission_bench
 from station.errors import InputError, NotAcknowledged
 from station.files.faults import FaultList
@@ -198,7 +198,7 @@ def test_parts_are_chosen_by_name_alone(completed: Path, tmp_path: Path) -> None
     code, folder = commissioned(completed, tmp_path / "runs", short=short)
     assert code == 0
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
-    assert {one["name"] for one in results} == {*COIL_PART.results, "named_causes"}
+    assert {one["name"] for one in results} == {*coils.PART.results, "named_causes"}
 
 
 @pytest.mark.parametrize(

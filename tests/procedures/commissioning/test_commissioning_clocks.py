@@ -9,7 +9,7 @@ from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
 from plan_runs import run_of, shipped_bench
 
-from procedures.commissioning.clocks.analysis import clock_estimate, clock_flags
+from procedures.commissioning.clocks import clock_estimate, clock_flags
 
 
 def test_the_shipped_clock_raises_no_alarm(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ from quick_yaml import dump_yaml
 from short_forms import read_bench_at
 
 from procedures.commissioning import PROCEDURE
-from procedures.commissioning.contacts import door_is_free
-from procedures.commissioning.contacts.analysis import analyse_door
+from procedures.commissioning.contacts import analyse_door, door_is_free
 from procedures.commissioning.parameters import CommissioningParameters
 from station.record.folder import RunFolder
 

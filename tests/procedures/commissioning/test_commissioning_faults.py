@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 from campaigns.planted.commissioning import named
 from commissioning_parts import AMBIENT, plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
+from plan_runs import run_of, shipped_bench
 
-from procedures.commissioning.coils import limits
 from procedures.commissioning.figures import draw_parts
 from station.parts import Table
 from station.record.folder import RunFolder
@@ -56,14 +55,3 @@ def test_without_an_ambient_field_both_causes_of_a_sign_are_named(tmp_path: Path
     lines = {row[0]: tuple(row[2:]) for row in checklist.rows}
     assert lines["coils"][1:] == ("FAILED", "")
     assert list(lines) == ["coils"]  # what was not done has no line
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["coil_constant_ratio"] == {
-        "min": 1.0 - limits.COIL_CONSTANT,
-        "max": 1.0 + limits.COIL_CONSTANT,
-    }
-    assert stated["cross_axis"] == {"max": limits.CROSS_AXIS}
-    assert stated["ambient_noise"] == {"max": f"{limits.AMBIENT_NOISE_MT:g} mT"}
-    assert stated["field_after_off"]["max"] == f"{limits.FIELD_AFTER_OFF_MT:g} mT"

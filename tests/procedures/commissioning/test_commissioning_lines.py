@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from campaigns.planted.commissioning import TRIES, faulty, named
 from commissioning_parts import whole_plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
+from plan_runs import run_of, shipped_bench
 
-from procedures.commissioning.lines import limits
-from procedures.commissioning.lines.analysis import Answers, Kept, analyse
+from procedures.commissioning.lines import Answers, Kept, LineDataset, analyse
 from sim_instruments.wire.scpi_device import ScpiDevice
 from station.record.folder import RunFolder
 
@@ -63,18 +62,18 @@ def test_one_that_stays_away_fails_the_bench_though_no_limit_of_a_figure_does(
 
 
 def test_one_that_stays_away_or_answers_as_another_is_named() -> None:
-    gone = analyse({}, {"multimeter": answers(lost=50)}, {})
+    gone = analyse(LineDataset({}, {"multimeter": answers(lost=50)}, {}))
     assert [(one.code, one.axis) for one in gone.flags] == [("line-does-not-return", "multimeter")]
-    back = analyse({}, {"multimeter": answers(lost=3)}, {})
+    back = analyse(LineDataset({}, {"multimeter": answers(lost=3)}, {}))
     assert back.flags == ()
-    swapped = analyse({"gaussmeter": answers(others=4)}, {}, {})
+    swapped = analyse(LineDataset({"gaussmeter": answers(others=4)}, {}, {}))
     assert [(one.code, one.axis) for one in swapped.flags] == [
         ("line-identity-changes", "gaussmeter")
     ]
 
 
 def test_latency_is_that_of_the_answers_that_came() -> None:
-    found = analyse({"gaussmeter": answers(lost=2, latency_s=0.02)}, {}, {})
+    found = analyse(LineDataset({"gaussmeter": answers(lost=2, latency_s=0.02)}, {}, {}))
     values = {one.name: one.value for one in found.estimates}
     assert values["line_latency"] == pytest.approx(20.0)
     assert values["line_latency_p99"] == pytest.approx(20.0)
@@ -85,23 +84,19 @@ def test_latency_is_that_of_the_answers_that_came() -> None:
 def test_jitter_is_the_standard_deviation_of_the_latencies() -> None:
     spread_s = np.where(np.arange(50) % 2 == 0, 0.01, 0.03)
     every = np.ones(50, bool)
-    found = analyse({"gaussmeter": Answers(spread_s, every, every)}, {}, {})
+    found = analyse(LineDataset({"gaussmeter": Answers(spread_s, every, every)}, {}, {}))
     (one,) = (one for one in found.estimates if one.name == "line_jitter")
     assert one.value == pytest.approx(10.0, rel=0.02)
     assert one.standard_uncertainty == pytest.approx(one.value / np.sqrt(98.0))
-    silent = analyse({"gaussmeter": answers(lost=49)}, {}, {})
+    silent = analyse(LineDataset({"gaussmeter": answers(lost=49)}, {}, {}))
     assert [one.value for one in silent.estimates if one.name == "line_jitter"] == [None]
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["line_latency_p99"] == {"max": f"{limits.SLOWEST_MS:g} ms"}
-    assert stated["line_errors"] == {"max": limits.LOST}
 
 
 def test_errors_that_are_kept_are_named_by_when_they_came() -> None:
     old, new = Kept(('-113,"Undefined header"',), ()), Kept((), ("3, OVERRUN", "3, OVERRUN"))
-    found = analyse({}, {}, {"multimeter": old, "rotary_stage": new, "gaussmeter": Kept((), ())})
+    found = analyse(
+        LineDataset({}, {}, {"multimeter": old, "rotary_stage": new, "gaussmeter": Kept((), ())})
+    )
     assert [(one.code, one.axis) for one in found.flags] == [
         ("error-queue-not-empty", "multimeter"),
         ("error-while-asked", "rotary_stage"),

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from campaigns.planted.commissioning import Plant, named, plants_of
 from commissioning_parts import plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
+from plan_runs import run_of, shipped_bench
 from quick_yaml import dump_yaml
 from short_forms import read_bench_at
 
-from procedures.commissioning.motion import MOTION_PART, limits
+from procedures.commissioning import motion
 
 
 def short_plan() -> dict[str, Any]:
@@ -56,19 +56,10 @@ def test_a_navigator_stands_in_for_a_sensor(tmp_path: Path, plant: Plant | None)
     causes = set() if plant is None else {plant.plant(bench, random.Random(4))}
     path = tmp_path / "bench.yaml"
     path.write_text(dump_yaml(bench), encoding="utf-8")
-    assert list(MOTION_PART.fits(read_bench_at(path))) == ["parameters.motion.device=navigator"]
+    assert list(motion.PART.fits(read_bench_at(path))) == ["parameters.motion.device=navigator"]
     plan = short_plan()
     plan["parameters"]["motion"]["device"] = "navigator"
     assert named(run_of(tmp_path / "run", plan, bench)) == causes
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    for name, limit in (("turn_ratio", limits.TURN_RATIO), ("rate_ratio", limits.RATE_RATIO)):
-        assert stated[name] == {"min": 1.0 - limit, "max": 1.0 + limit}
-    assert stated["encoder_zero"] == {"max_abs": f"{limits.ENCODER_ZERO_DEG:g} deg"}
-    assert stated["axes_off_square"] == {"max_abs": f"{limits.OFF_SQUARE_DEG:g} deg"}
-    assert stated["axis_lean"] == {"max": f"{limits.AXIS_LEAN_DEG:g} deg"}
 
 
 @pytest.mark.campaign

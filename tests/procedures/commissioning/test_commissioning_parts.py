@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
+import pytest
 import yaml
-from plan_runs import shipped_bench
+from plan_runs import shipped_bench, shipped_plan
 from short_forms import read_bench_at
 
-from procedures.commissioning import PARTS, PROCEDURE
-from procedures.commissioning.coils import COIL_PART
+from procedures.commissioning import PARTS, PROCEDURE, coils
 from procedures.commissioning.parameters import CommissioningParameters
+from station.units import parse_as
 
 
 def test_a_part_that_is_left_out_measures_nothing() -> None:
@@ -31,4 +33,19 @@ def test_a_bench_without_a_gaussmeter_has_no_part_and_no_limit_of_the_coils(tmp_
     path.write_text(yaml.safe_dump(bench), encoding="utf-8")
     overrides = list(PROCEDURE.fits(read_bench_at(path), False, {}))
     assert "coils" not in overrides[0]
-    assert {f"limits.{name}=null" for name in COIL_PART.results} <= set(overrides)
+    assert {f"limits.{name}=null" for name in coils.PART.results} <= set(overrides)
+
+
+FIGURES = {figure.name: figure for part in PARTS for figure in part.figures}
+
+
+@pytest.mark.parametrize("name", sorted(FIGURES))
+def test_the_shipped_plan_states_the_limits_of_the_naming(name: str) -> None:
+    figure, stated = FIGURES[name], shipped_plan("commissioning")["limits"].get(name, {})
+    edges = {
+        (-1.0 if key == "min" else 1.0, round(parse_as(str(value), figure.unit), 12))
+        for key, value in stated.items()
+    }
+    low, high = (round(figure.nominal + sign * figure.limit, 12) for sign in (-1.0, 1.0))
+    assert edges <= {(-1.0, low), (1.0, high)}
+    assert bool(edges) == math.isfinite(figure.limit)

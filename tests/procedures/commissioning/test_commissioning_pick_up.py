@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from campaigns.planted.commissioning import named, plants_of
 from commissioning_parts import plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
+from plan_runs import run_of, shipped_bench
 from short_forms import read_bench_at
 
-from procedures.commissioning.pick_up import is_possible, limits
-from procedures.commissioning.pick_up.analysis import PickUpDataset, PickUpReadings, analyse
+from procedures.commissioning.pick_up import PART, PickUpDataset, PickUpReadings, analyse
 from station.files.lookup import BENCHES, find
 
 
@@ -50,8 +49,8 @@ def test_pick_up_is_named_with_its_size(tmp_path: Path, seed: int) -> None:
 
 
 def test_a_bench_without_a_voltmeter_has_no_such_part() -> None:
-    assert is_possible(read_bench_at(find(BENCHES, "sim")))
-    assert not is_possible(read_bench_at(find(BENCHES, "sim-alternate")))
+    assert PART.is_possible(read_bench_at(find(BENCHES, "sim")))
+    assert not PART.is_possible(read_bench_at(find(BENCHES, "sim-alternate")))
 
 
 def test_a_line_that_is_there_without_a_drive_is_not_the_coils() -> None:
@@ -61,11 +60,6 @@ def test_a_line_that_is_there_without_a_drive_is_not_the_coils() -> None:
     )
     found = analyse(PickUpDataset(dict.fromkeys(("off", "x", "y", "z"), line)))
     assert [flag.code for flag in found.flags] == ["line-at-drive-frequency"]
-
-
-def test_the_shipped_plan_states_the_limit_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["pick_up"] == {"max": f"{limits.PICK_UP_UV:g} uV"}
 
 
 def test_readings_beyond_the_range_are_named_and_not_fitted(tmp_path: Path) -> None:

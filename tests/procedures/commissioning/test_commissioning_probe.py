@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
+from plan_runs import run_of, shipped_bench
 from short_forms import read_bench_at
 
-from procedures.commissioning.probe import is_possible, limits
-from procedures.commissioning.probe.analysis import ProbeDataset, analyse, pair_field
-from procedures.commissioning.probe.parameters import PLACES
+from procedures.commissioning.probe import PART, PLACES, ProbeDataset, analyse, pair_field
 from station.files.lookup import BENCHES, find
 
 CENTRED_MM = {"x": 20.0, "y": -15.0, "z": 30.0}
@@ -58,11 +56,5 @@ def test_a_pair_falls_off_as_its_fourth_power_about_the_centre() -> None:
 
 
 def test_a_probe_of_one_axis_is_not_moved() -> None:
-    assert is_possible(read_bench_at(find(BENCHES, "sim")))
-    assert not is_possible(read_bench_at(find(BENCHES, "sim-alternate")))
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["probe_field_error"] == {"max_abs": limits.PROBE_FIELD_ERROR}
-    assert stated["homogeneity"] == {"max": limits.HOMOGENEITY}
+    assert PART.is_possible(read_bench_at(find(BENCHES, "sim")))
+    assert not PART.is_possible(read_bench_at(find(BENCHES, "sim-alternate")))

@@ -7,11 +7,8 @@ from typing import Any
 
 import pytest
 from campaigns.planted.commissioning import named
-from commissioning_parts import EARTH, PULSE_WEIGHT_LIMIT, whole_plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
-
-from procedures.commissioning.gyro.limits import PULSE_WEIGHT
-from procedures.commissioning.stage import limits
+from commissioning_parts import EARTH, whole_plan_of
+from plan_runs import run_of, shipped_bench
 
 
 def short_plan(part: str, **changes: Any) -> dict[str, Any]:
@@ -45,18 +42,6 @@ def test_without_an_input_axis_nothing_is_said_of_the_pulse_weight(tmp_path: Pat
     assert results["pulse_weight_ratio"]["value"] is None
     assert outcome.document.verdict == "inconclusive"
     assert outcome.exit_code == 6
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["stage_response"] == {"min": 1.0 - limits.RESPONSE, "max": 1.0 + limits.RESPONSE}
-    for name, limit_deg in (
-        ("stage_zero", limits.ZERO_DEG),
-        ("stage_closure", limits.CLOSURE_DEG),
-        ("stage_lean", limits.LEAN_DEG),
-    ):
-        assert stated[name] == {"max_abs": f"{limit_deg:g} deg"}
-    assert PULSE_WEIGHT_LIMIT["max"] == 1.0 + PULSE_WEIGHT
 
 
 @pytest.mark.campaign

@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 from campaigns.planted.commissioning import named
 from commissioning_parts import plan_of
-from plan_runs import run_of, shipped_bench, shipped_plan
-
-from procedures.commissioning.supplies import limits
+from plan_runs import run_of, shipped_bench
 
 
 @pytest.mark.parametrize(("bench", "turned"), [("sim", False), ("sim-alternate", True)])
@@ -24,9 +22,3 @@ def test_healthy_supplies_raise_no_alarm(tmp_path: Path, bench: str, turned: boo
         assert one["verdict"] == "pass", one
         if one["name"] == "own_limit_ratio":  # refused, so that it stayed at zero
             assert abs(one["value"]) < 0.1
-
-
-def test_the_shipped_plan_states_the_limits_of_the_naming() -> None:
-    stated = shipped_plan("commissioning")["limits"]
-    assert stated["own_limit_ratio"] == {"max": limits.OWN_LIMIT}
-    assert stated["field_after_cut"]["max"] == f"{limits.FIELD_AFTER_CUT_MT:g} mT"
