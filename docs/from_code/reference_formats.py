@@ -300,7 +300,7 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
             continue
-        if node.func.id not in {"Flag", *WORDED} or not node.args:
+        if node.func.id not in {"Flag", "Cause", *WORDED} or not node.args:
             continue
         first, *others = node.args
         if node.func.id in WORDED:

@@ -39,11 +39,16 @@ def test_a_bench_without_a_gaussmeter_has_no_part_and_no_limit_of_the_coils(tmp_
 FIGURES = {figure.name: figure for part in PARTS for figure in part.figures}
 
 
+def quantity(stated: object, unit: str) -> float:
+    """Return a limit of a plan as a number in a unit; a plan states ratios without one."""
+    return float(stated) if isinstance(stated, int | float) else parse_as(str(stated), unit)
+
+
 @pytest.mark.parametrize("name", sorted(FIGURES))
 def test_the_shipped_plan_states_the_limits_of_the_naming(name: str) -> None:
     figure, stated = FIGURES[name], shipped_plan("commissioning")["limits"].get(name, {})
     edges = {
-        (-1.0 if key == "min" else 1.0, round(parse_as(str(value), figure.unit), 12))
+        (-1.0 if key == "min" else 1.0, round(quantity(value, figure.unit), 12))
         for key, value in stated.items()
     }
     low, high = (round(figure.nominal + sign * figure.limit, 12) for sign in (-1.0, 1.0))
