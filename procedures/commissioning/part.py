@@ -215,4 +215,4 @@ class Part:
             "determined together, or not at all."
         )
         details = {"units": list(missing), "coefficients": names}
-        return Analysis(estimates, (), (Flag(NOT_MEASURED, message, details=details),))
+        return Analysis(estimates, (), (Flag("not-measured", message, details=details),))

@@ -17,6 +17,7 @@ NOT_PLANTED = {
     "accelerometer-reversed",
     "gyro-sense-reversed",
     "not-commissioned",
+    "not-measured",
     "sensor-turned",
     "stage-response-off",
     "stage-turn-not-whole",
