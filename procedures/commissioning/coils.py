@@ -429,7 +429,7 @@ def _of_coil(
     import numpy as np
 
     own, own_u = float(response[k, k]), float(response_u[k, k])
-    across, across_u = across_of(response, response_u, k)
+    across, across_u = across_of(response, response_u, k, k)
     along = math.sqrt(1.0 - across**2)
     coil = data.coils[k]
     freedom = float(coil.plus.readings + coil.minus.readings - 2)
@@ -458,14 +458,14 @@ def _noise(axis: str, k: int, ambient: Mean) -> Estimate:
     return NOISE.measured(noise_mT, u_mT, "standard deviation", axis, freedom)
 
 
-def across_of(response: Array, response_u: Array, coil: int) -> tuple[float, float]:
-    """Return the part of a coil's field across its axis over the whole of it, and u of that."""
+def across_of(response: Array, response_u: Array, axis: int, supply: int) -> tuple[float, float]:
+    """Return the part across `axis` of the field of a supply over the whole of it, and its u."""
     import numpy as np
 
-    others = [i for i in range(len(COILS)) if i != coil]
-    whole = max(float(np.linalg.norm(response[:, coil])), 1e-9)
-    across = float(np.hypot(*response[others, coil]))
-    return across / whole, float(np.hypot(*response_u[others, coil])) / whole
+    others = [i for i in range(len(COILS)) if i != axis]
+    whole = max(float(np.linalg.norm(response[:, supply])), 1e-9)
+    across = float(np.hypot(*response[others, supply]))
+    return across / whole, float(np.hypot(*response_u[others, supply])) / whole
 
 
 def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:

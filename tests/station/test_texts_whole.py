@@ -178,6 +178,8 @@ LEFT_IN_ENGLISH = re.compile(r"(?:[A-Za-z]{2,} ){2,}[A-Za-z]{2,}")
 VALUE = "7"
 INSTRUMENT = "turntable"
 """What may begin a sentence instead of a value."""
+OF_TABLE = re.compile(r"\{(?:axis|\w+:[^{} ]+)\}")
+"""A value in a sentence that a table declares."""
 NEXT = re.compile(rf"(?<=\.) {VALUE}$")
 """A sentence that comes after as a value."""
 
@@ -219,7 +221,7 @@ def sentences(file: Path) -> Iterator[tuple[int, str]]:
                 str(part.value) if isinstance(part, ast.Constant) else VALUE for part in node.values
             )
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            text = node.value
+            text = OF_TABLE.sub(VALUE, node.value)
         else:
             continue
         if IN_FILES.match(text.strip()):

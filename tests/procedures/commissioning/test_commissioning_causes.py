@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
+import pytest
 
 from procedures.commissioning.causes import coil_causes
 from procedures.commissioning.coils import Measured
@@ -85,7 +88,52 @@ def test_coils_that_are_all_off_alike_are_the_gaussmeters() -> None:
     alike = np.diag([1.0277, 1.0315, 1.0283])
     assert codes(replace(HEALTHY, response=alike)) == ["field-scale-off"]
     apart = np.diag([1.0277, 1.0515, 1.0283])
-    assert codes(replace(HEALTHY, response=apart)) == ["coil-constant-off"] * 3
+    assert codes(replace(HEALTHY, response=apart)) == ["field-scale-off", "coil-constant-off"]
+    none = np.diag([1.03, 1.05, 0.96])
+    assert codes(replace(HEALTHY, response=none)) == ["coil-constant-off"] * 3
+
+
+def test_where_two_sets_of_causes_fit_alike_both_are_named() -> None:
+    two = np.diag([1.04, 1.041, 1.0])
+    assert codes(replace(HEALTHY, response=two)) == [
+        "coil-constant-off",
+        "coil-constant-off",
+        "field-scale-undecided",
+    ]
+
+
+def wired(coil: Sequence[int], along: Sequence[int], scale: Sequence[float]) -> Measured:
+    """Return what is measured where supplies drive other coils and the probe's axes are moved."""
+    constants = HEALTHY.constants_mT_per_A
+    response = np.zeros((3, 3))
+    for supply, of in enumerate(coil):
+        axis = list(along).index(of)
+        response[axis, supply] = constants[of] * scale[of] / constants[supply]
+    assert KNOWN.expected_mT is not None
+    return replace(KNOWN, response=response, ambient_mT=KNOWN.expected_mT[list(along)])
+
+
+@pytest.mark.parametrize("along", list(permutations(range(3))), ids=str)
+@pytest.mark.parametrize("coil", list(permutations(range(3))), ids=str)
+def test_swapped_coils_beside_a_swapped_probe_are_both_named(
+    coil: tuple[int, ...], along: tuple[int, ...]
+) -> None:
+    expected = {
+        *({"coils-swapped"} if coil != (0, 1, 2) else ()),
+        *({"probe-axes-swapped"} if along != (0, 1, 2) else ()),
+    }
+    assert set(codes(wired(coil, along, (1.0, 1.0, 1.0)))) == expected
+
+
+def test_a_swap_hides_no_constant_and_no_scale() -> None:
+    assert codes(wired((1, 0, 2), (0, 1, 2), (1.0, 0.96, 1.0))) == [
+        "coils-swapped",
+        "coil-constant-off",
+    ]
+    assert codes(wired((0, 1, 2), (0, 2, 1), (1.04, 1.04, 1.04))) == [
+        "probe-axes-swapped",
+        "field-scale-off",
+    ]
 
 
 def test_a_coil_leans_by_its_own_field_whatever_constant_is_stated() -> None:
