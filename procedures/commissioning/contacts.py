@@ -18,8 +18,7 @@ from station.procedure import Prompt, Step
 from station.roles import Driver, InterlockChain
 from station.roles.interlock_chain import SeesContacts
 
-from .at_rest import ask_at_rest, bring_to_rest
-from .part import Figure, Part
+from .part import Figure, Part, ask_at_rest, bring_to_rest
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

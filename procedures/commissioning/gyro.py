@@ -20,9 +20,8 @@ from station.method.verbs import Recording
 from station.procedure import Prompt, RecordUse, Step
 from station.roles import GyroAcquisition
 
-from .at_rest import ask_at_rest
 from .clocks import CLOCK_PPM, clock_estimate, clock_flags
-from .part import COVERAGE, Figure, Part, combined_u
+from .part import COVERAGE, Figure, Part, ask_at_rest, combined_u
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,8 +19,7 @@ from station.procedure import Prompt, RecordUse, Step
 from station.roles import Instrument, KeepsErrors
 from station.roles.base import ANSWER_TIME, ARRIVAL, MAX_DEADLINE_S
 
-from .at_rest import ask_at_rest
-from .part import Figure, Part
+from .part import Figure, Part, ask_at_rest
 
 if TYPE_CHECKING:
     import numpy as np

@@ -23,8 +23,7 @@ from station.procedure import LazyImport, Problem, Prompt, RecordUse, Step
 from station.roles import Driver, Imu, Navigator, Turntable
 from station.roles.turntable import table_axes, unnamed_axes
 
-from .at_rest import ask_at_rest
-from .part import Cause, Figure, Part
+from .part import Cause, Figure, Part, ask_at_rest
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

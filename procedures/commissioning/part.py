@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from station.errors import InstrumentError
 from station.findings import Analysis, Estimate, Findings, Flag, InputQuantity, findings_of
 from station.method.dry_run import DryRun
+from station.method.duration import on_the_way
 from station.procedure import (
     Problem,
+    Prompt,
     RecordUse,
     ResultKind,
     Step,
@@ -19,9 +23,11 @@ from station.procedure import (
     no_problem,
     no_records,
 )
+from station.roles import DirectCurrentSupply, MadeSafe, RotaryStage, Turntable
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
+    from station.method.run import Run
     from station.record.folder import RunFolder
 
     from .completing import Completion
@@ -30,6 +36,8 @@ COILS = AXES = ("x", "y", "z")
 CAUSES, NOT_MEASURED = "named_causes", "not-measured"
 UNDECIDED = "-undecided"
 """The end of the codes of what the data do not decide; the figure beside it says so, too."""
+WITHIN_S, USUALLY_S = 30.0, 1.0
+"""In which what turns or carries a current is brought to rest before a hand is asked for."""
 COVERAGE = 2.0
 """Standard uncertainties by which a figure must be beyond its limit to be named as a cause."""
 
@@ -216,3 +224,35 @@ class Part:
         )
         details = {"units": list(missing), "coefficients": names}
         return Analysis(estimates, (), (Flag("not-measured", message, details=details),))
+
+
+def ask_at_rest(run: Run, prompt: Prompt) -> None:
+    """Make all that turns or carries a coil's current safe, then ask for a hand.
+
+    Of the instruments that the run has opened. Raises InstrumentError where one is not safe: the
+    person is not asked.
+    """
+    bring_to_rest(run)
+    run.ask(prompt)
+
+
+def bring_to_rest(run: Run) -> None:
+    """Make all that turns or carries a coil's current safe; InstrumentError where one is not."""
+    run.read(partial(make_all_safe, run), takes=on_the_way(USUALLY_S))
+
+
+def make_all_safe(run: Run) -> None:
+    """Make safe what the run has opened, one after the other, and read that back."""
+    for name, instrument in run.instruments.items():
+        if not isinstance(instrument, Turntable | RotaryStage | DirectCurrentSupply):
+            continue
+        harmful = run.role(name, MadeSafe)
+        harmful.make_safe(run.now_s + WITHIN_S)
+        reading = harmful.read_safety()
+        if not reading.safe:
+            raise InstrumentError(
+                name,
+                "bring it to rest before a person is asked for a hand",
+                f"it reads back {reading.read_back}",
+                "keep away from it and switch it off by hand",
+            )

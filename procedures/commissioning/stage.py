@@ -25,8 +25,7 @@ from station.method.verbs import come_to_rest, fetch_bursts, keep, keep_row
 from station.procedure import Problem, Prompt, RecordUse, Step
 from station.roles import Multimeter, RotaryStage
 
-from .at_rest import ask_at_rest
-from .part import Cause, Figure, Part
+from .part import Cause, Figure, Part, ask_at_rest
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench

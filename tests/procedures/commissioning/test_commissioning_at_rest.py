@@ -8,7 +8,7 @@ from unittest.mock import create_autospec
 
 import pytest
 
-from procedures.commissioning.at_rest import ask_at_rest
+from procedures.commissioning.part import ask_at_rest
 from station.errors import InstrumentError
 from station.method.duration import Duration
 from station.procedure import Prompt
