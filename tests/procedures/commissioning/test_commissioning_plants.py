@@ -9,7 +9,7 @@ import ast
 from pathlib import Path
 
 import pytest
-from campaigns.planted.commissioning import cases, commission, named
+from campaigns.planted.commissioning import cases, commission, named, pair
 from places import ROOT
 from tiers import quick
 
@@ -35,6 +35,13 @@ FIRST = {case.plant.part: name for name, case in reversed(PLANTED.items()) if ca
 def test_a_planted_fault_is_named_alone(name: str, tmp_path: Path) -> None:
     right, outcome = commission(PLANTED[name], 1, tmp_path / "run", short=True)
     assert right, (outcome.error, outcome.document and named(outcome))
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_two_planted_faults_are_both_named(seed: int, tmp_path: Path) -> None:
+    right, outcome = commission(pair(seed), seed, tmp_path / "run", short=True)
+    assert right, (pair(seed).name, outcome.error, outcome.document and named(outcome))
 
 
 def literals(path: Path) -> set[object]:

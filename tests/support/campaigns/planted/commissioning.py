@@ -38,6 +38,8 @@ class Plant:
     part: str
     plant: Callable[[Bench, random.Random], Planted | Ends]
     benches: tuple[str, ...] = ("sim",)
+    lasts: bool = True
+    """Whether the run goes through all its steps with it."""
 
 
 NO_CAUSE = ("simulated", "not-tried")
@@ -314,10 +316,16 @@ def board_clock(bench: Bench, rng: random.Random) -> Planted:
 
 
 PLANTS: tuple[Plant, ...] = (
-    Plant("exchanged serial numbers", "coils", exchanged_serials, BOTH),
-    Plant("two supplies at one address", "coils", one_address_twice, BOTH),
-    Plant("open interlock chain", "contacts", open_chain),
-    Plant("inverted door contact in the chain", "contacts", inverted_door_in_chain, ALTERNATE),
+    Plant("exchanged serial numbers", "coils", exchanged_serials, BOTH, lasts=False),
+    Plant("two supplies at one address", "coils", one_address_twice, BOTH, lasts=False),
+    Plant("open interlock chain", "contacts", open_chain, lasts=False),
+    Plant(
+        "inverted door contact in the chain",
+        "contacts",
+        inverted_door_in_chain,
+        ALTERNATE,
+        lasts=False,
+    ),
     Plant("swapped coils", "coils", swapped_coils, BOTH),
     Plant("reversed polarity", "coils", reversed_coil, BOTH),
     Plant("coil constant off", "coils", constant_off, BOTH),
@@ -371,15 +379,17 @@ SHORT: Mapping[str, Mapping[str, Any]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A whole bench that is healthy, or one with a planted fault."""
+    """A whole bench that is healthy, or one with a planted fault, or with two."""
 
     bench: str
     plant: Plant | None = None
+    other: Plant | None = None
 
     @property
     def name(self) -> str:
         """What is tried."""
-        return f"{self.bench} {self.plant.name if self.plant else 'healthy'}"
+        plants = [plant.name for plant in (self.plant, self.other) if plant]
+        return f"{self.bench} {' and '.join(plants) or 'healthy'}"
 
 
 def cases() -> Iterator[Case]:
@@ -391,17 +401,36 @@ def cases() -> Iterator[Case]:
         yield Case(bench)
 
 
+def pair(seed: int) -> Case:
+    """Return two faults on one bench, drawn by a seed; none that ends the run at once."""
+    lasting = [plant for plant in PLANTS if "sim" in plant.benches and plant.lasts]
+    return Case("sim", *random.Random(f"pair {seed}").sample(lasting, 2))
+
+
 def commission(case: Case, seed: int, folder: Path, *, short: bool = False) -> tuple[bool, Outcome]:
     """Commission a case at a seed; return whether it came out as it should, and how.
 
-    A healthy bench as `station commission` does it, a fault by the part that must name it.
+    A healthy bench, or one with two faults, as `station commission` does it; a single fault by the
+    part that must name it. Of two faults each is named, and nothing else; that a part cannot decide
+    its figure because of what another one names is no cause.
     """
     bench = shipped_bench(case.bench)
     bench["simulation"]["seed"] = seed
     if case.plant is None:
         outcome = run_of(folder, bench_plan_of(case.bench), bench)
         return outcome.exit_code == 0 and named(outcome) == set(), outcome
-    expected = case.plant.plant(bench, random.Random(f"{seed} {case.name}"))
+    rng = random.Random(f"{seed} {case.name}")
+    expected = case.plant.plant(bench, rng)
+    if case.other is not None:
+        both = {expected, case.other.plant(bench, rng)}
+        plan = bench_plan_of(case.bench)
+        for part, brief in SHORT.items() if short else ():
+            plan["parameters"].setdefault(part, {}).update(brief)
+        outcome = run_of(folder, plan, bench)
+        if outcome.document is None:
+            return False, outcome
+        causes = {flag for flag in named(outcome) if not flag[0].endswith("-undecided")}
+        return outcome.exit_code == 1 and causes == both, outcome
     plan = whole_plan_of(case.plant.part, case.bench)
     if short:
         plan["parameters"].setdefault(case.plant.part, {}).update(SHORT.get(case.plant.part, {}))
