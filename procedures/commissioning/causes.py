@@ -235,10 +235,17 @@ def _constants(data: Measured, own: Own) -> Iterator[Flag]:
     ratio = np.abs([data.response[own[k]] for k in coils]) / stated
     u = np.array([data.response_u[own[k]] for k in coils]) / stated
     scales = [1.0, *(float(np.mean(alike)) for alike in _alike(ratio))]
-    names = [np.abs(ratio / scale - 1.0) - COVERAGE * u > CONSTANT.limit for scale in scales]
-    # A scale is a cause, too; the fewest causes are likely.
-    causes = [int(k > 0) + int(is_off.sum()) for k, is_off in enumerate(names)]
-    best = causes.index(min(causes))
+    off_by = [ratio / scale - 1.0 for scale in scales]
+    names = [np.abs(off) - COVERAGE * u > CONSTANT.limit for off in off_by]
+    if not names[0].any():
+        return
+    may_be = np.hypot(u, CONSTANT.limit / np.sqrt(3.0))
+    # A scale is a cause, too; what no cause explains may be as far off as a constant may.
+    misfits = [
+        FAULT * (int(k > 0) + int(is_off.sum())) + float(np.square(off / may_be)[~is_off].sum())
+        for k, (off, is_off) in enumerate(zip(off_by, names, strict=True))
+    ]
+    best = misfits.index(min(misfits))
     scale, is_off = scales[best], names[best]
     if best:
         message = (
@@ -254,8 +261,9 @@ def _constants(data: Measured, own: Own) -> Iterator[Flag]:
                 f"it measures {constant:.4g} mT/A. Compare settings.coil_constant with the coil."
             )
             yield Flag("coil-constant-off", message, coil)
-    if best == 0 < causes[0] and causes[0] in causes[1:]:
-        scale = scales[causes.index(causes[0], 1)]
+    others = [k for k in range(1, len(scales)) if misfits[k] < misfits[best] + COVERAGE**2]
+    if best == 0 and others:
+        scale = scales[min(others, key=misfits.__getitem__)]
         message = (
             f"The gaussmeter's gain may be {100.0 * (scale - 1.0):+.3g} % off instead, and the "
             "constant of another coil: compare the gaussmeter with another one."
