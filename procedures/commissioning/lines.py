@@ -369,8 +369,11 @@ def asked_on(bench: Bench) -> tuple[LineName, ...]:
 
 
 def fits(bench: Bench) -> Iterator[str]:
-    """Yield which instruments of a bench are asked."""
-    yield f"parameters.lines.instruments=[{', '.join(asked_on(bench))}]"
+    """Yield which instruments of a bench are asked; of a real one a person pulls each cable."""
+    asked = ", ".join(asked_on(bench))
+    yield f"parameters.lines.instruments=[{asked}]"
+    if bench.simulation is None:
+        yield f"parameters.lines.disconnected=[{asked}]"
 
 
 def not_tried(parameters: LineParameters) -> Mapping[str, str]:

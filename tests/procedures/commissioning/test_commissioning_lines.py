@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from campaigns.planted.commissioning import TRIES, faulty, named
 from commissioning_parts import whole_plan_of
 from plan_runs import run_of, shipped_bench
+from short_forms import read_bench_at
 
-from procedures.commissioning.lines import Answers, Kept, LineDataset, analyse
+from procedures.commissioning.lines import PART, Answers, Kept, LineDataset, analyse
 from sim_instruments.wire.scpi_device import ScpiDevice
 from station.record.folder import RunFolder
 
@@ -34,6 +36,21 @@ def test_a_healthy_bench_raises_no_alarm(tmp_path: Path, bench: str) -> None:
     assert outcome.document is not None
     asked = {one["axis"] for one in outcome.document.to_data()["results"]}
     assert {"coil_supply.x", "gaussmeter", "turntable", "thermal_chamber"} <= asked
+
+
+def test_on_a_real_bench_every_cable_is_pulled_unless_the_plan_says_otherwise(
+    tmp_path: Path,
+) -> None:
+    bench = shipped_bench()
+    (tmp_path / "sim.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    assert len(list(PART.fits(read_bench_at(tmp_path / "sim.yaml")))) == 1
+    del bench["simulation"]
+    for number, entry in enumerate(bench["instruments"].values()):
+        entry.pop("simulator", None)
+        entry["address"] = f"tcp://127.0.0.1:{number + 1}"
+    (tmp_path / "real.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    asked, pulled = PART.fits(read_bench_at(tmp_path / "real.yaml"))
+    assert pulled == asked.replace("instruments", "disconnected")
 
 
 def test_an_instrument_that_is_pulled_and_plugged_in_answers_again(tmp_path: Path) -> None:
