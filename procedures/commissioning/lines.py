@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
+from station import registry
 from station.errors import InstrumentError
 from station.fields import StrictModel
 from station.findings import Analysis, Estimate, Flag, InputQuantity
@@ -41,6 +42,11 @@ LineName = Literal[
     "rotary_stage",
     "turntable",
     "thermal_chamber",
+    "signal_generator.xy",
+    "signal_generator.z_gradient",
+    "digitizer",
+    "pump_laser",
+    "dut_power",
 ]
 """Instruments that answer one question at a time; those that stream have their own line checks."""
 LINES: tuple[LineName, ...] = get_args(LineName)
@@ -365,7 +371,16 @@ def _kept_causes(name: str, errors: Kept) -> Iterator[Flag]:
 
 def asked_on(bench: Bench) -> tuple[LineName, ...]:
     """Return the instruments of a bench whose lines are asked."""
-    return tuple(name for name in LINES if name in bench.instruments)
+    return tuple(name for name in LINES if name in bench.instruments and has_line(bench, name))
+
+
+def has_line(bench: Bench, name: str) -> bool:
+    """Return whether an instrument is asked over a line, and is no person at a switch."""
+    driver = bench.instruments[name].driver
+    if registry.why_not(registry.DRIVERS, driver):
+        return True
+    loaded = registry.load(registry.DRIVERS, driver)
+    return bool(loaded.quantities) or not getattr(loaded, "prompts", None)
 
 
 def fits(bench: Bench) -> Iterator[str]:
