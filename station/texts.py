@@ -11,7 +11,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 
 from station import registry
@@ -39,6 +39,8 @@ REMEMBERED = 5000
 """Sentences of a language whose translation is not looked for again."""
 LONGEST = 2000
 """Signs of a text of which a translation is looked for."""
+DEEPEST = 8
+"""So many sentences stand within one another at most; what is deeper stays English."""
 BETWEEN = re.compile(r"(?<=[.!?…]) (?=[A-Z`])")
 """What stands between two sentences."""
 OR_IF = ", or if "
@@ -207,45 +209,47 @@ def translator(language: str) -> Callable[[str], str]:
         having.setdefault(rarest, []).append(index)
 
     @lru_cache(maxsize=REMEMBERED)
-    def translated(text: str) -> str:
+    def translated(text: str, depth: int = 0) -> str:
         for known in (text, text.replace("_", " ")):
             if known in exact:
                 return exact[known]
-        if (several := listed(BETWEEN.split(text), "")) is not None:
+        if (several := listed(BETWEEN.split(text), "", depth)) is not None:
             return several
-        if "; " in text and (whole_sentence := filled(text, "; ")) is not None:
+        if "; " in text and (whole_sentence := filled(text, depth, "; ")) is not None:
             return whole_sentence
-        if (several := listed(text.split("; "), "; ")) is not None:
+        if (several := listed(text.split("; "), "; ", depth)) is not None:
             return several
         clauses = [text] if text.endswith(".") else text.split(OR_IF)
-        if (several := listed(clauses, OR_IF)) is not None:
+        if (several := listed(clauses, OR_IF, depth)) is not None:
             return several
-        if (sentence := filled(text)) is not None:
+        if (sentence := filled(text, depth)) is not None:
             return sentence
         if "\n" in text:
             lines = LINES.split(text)
-            lines[::2] = [translated(line) if line else line for line in lines[::2]]
+            lines[::2] = [translated(line, depth) if line else line for line in lines[::2]]
             return "".join(lines)
         parts = text.replace(", and ", ", ").replace(" and ", ", ").split(", ")
-        several = listed(parts, ", ")
+        several = listed(parts, ", ", depth)
         return text if several is None else several
 
-    def filled(text: str, holding: str = "") -> str | None:
+    def filled(text: str, depth: int, holding: str = "") -> str | None:
         """Return a text as a pattern has it that holds something itself; None where none fits."""
+        if depth == DEEPEST:
+            return None
         words = {"", *WORD.findall(text)}
         for index in sorted(index for word in words for index in having.get(word, ())):
             pattern = patterns[index]
             given = pattern.values(text) if holding in pattern.english else {}
-            values = pattern.inserted(given, translated)
+            values = pattern.inserted(given, partial(translated, depth=depth + 1))
             begins = given.get(pattern.begins, "")
             if values and pattern.may_begin(begins, values.get(pattern.begins, "")):
                 ends = {name: f"\0{value}\0" for name, value in values.items()}
                 return TOUCHING.sub(" ", pattern.other.format(**ends)).replace("\0", "")
         return None
 
-    def listed(parts: Sequence[str], joint: str) -> str | None:
+    def listed(parts: Sequence[str], joint: str, depth: int) -> str | None:
         """Return a list of what is known in the language; None for what is no such list."""
-        others = [translated(part) for part in parts] if len(parts) > 1 else parts
+        others = [translated(part, depth) for part in parts] if len(parts) > 1 else parts
         kept = [part for part, other in zip(parts, others, strict=True) if part == other]
         if len(parts) == 1 or not all(map(SAME.fullmatch, kept)):
             return None

@@ -143,6 +143,11 @@ def test_a_sentence_of_a_run_is_translated_with_its_values(english: str, chinese
     assert CHINESE(english) == chinese
 
 
+@pytest.mark.parametrize("text", ["coil x is " * 200, "a.yaml:1:1: " * 160, "a; b, c and " * 160])
+def test_a_text_of_many_sentences_within_one_another_ends_no_viewer(text: str) -> None:
+    assert CHINESE(text)
+
+
 def test_a_catalogue_of_a_laboratory_counts_and_a_bad_one_costs_itself_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
