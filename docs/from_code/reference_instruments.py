@@ -1,4 +1,4 @@
-"""What each driver sends, and where that is documented: a section of the docstrings of drivers.
+"""What each driver sends, where that is documented, and whether its simulator knows it.
 
 A row of the section `Commands and their sources:` is `command - what for - source - confirmed`, or
 `not confirmed` at its end: not in a primary source, nor in several clients of real units. It may go
@@ -11,15 +11,15 @@ import importlib
 import inspect
 import re
 from collections.abc import Iterator
-from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
+from simulated import answered
 from tables import code, first_sentence, table
 
 from station import registry
 
 TITLE = "Commands and their sources:"
+HEAD = ("command", "for", "source", "confirmed")
 WORDS = ("confirmed", "not confirmed")
 SEPARATOR = " - "
 INDENT = re.compile(r" *")
@@ -40,8 +40,10 @@ def instruments() -> str:
     for name, driver in own_drivers().items():
         module = importlib.import_module(driver.__module__)
         parts.append(f"## {name}\n\n{first_sentence(module.__doc__)}\n\n")
-        rows = [(code(one.command), *one[1:]) for one in rows_of(driver)]
-        parts.append(table(("command", "for", "source", "confirmed"), rows) + "\n")
+        rows = [
+            (code(one.command), *one[1:], answered(name, one.command)) for one in rows_of(driver)
+        ]
+        parts.append(table((*HEAD, "simulator"), rows) + "\n")
     return "".join(parts)
 
 
@@ -61,22 +63,12 @@ def rows_of(driver: type) -> list[Row]:
 
 
 def docstrings(driver: type) -> Iterator[str]:
-    """Yield the docstrings of a driver's classes, of their modules, and of modules beside them
-    whose names begin with the driver's own."""
+    """Yield the docstrings of a driver's classes and of their modules."""
     modules = [one for one in driver.__mro__ if one.__module__.startswith("drivers.")]
     for one in modules:
         yield inspect.cleandoc(one.__doc__ or "")
     for name in dict.fromkeys(one.__module__ for one in modules):
-        module = importlib.import_module(name)
-        for part in (module, *beside(module)):
-            yield inspect.cleandoc(part.__doc__ or "")
-
-
-def beside(module: ModuleType) -> Iterator[ModuleType]:
-    """Yield the modules that a driver's file was split into."""
-    package, _, name = module.__name__.rpartition(".")
-    for path in sorted(Path(module.__file__ or "").parent.glob(f"{name}_*.py")):
-        yield importlib.import_module(f"{package}.{path.stem}")
+        yield inspect.cleandoc(importlib.import_module(name).__doc__ or "")
 
 
 def section(text: str, where: str) -> Iterator[Row]:

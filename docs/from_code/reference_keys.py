@@ -11,6 +11,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 from meanings import BENCH, CONDITIONS, DATASET, PARAMETERS, PLAN
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from reference_instruments import TITLE
 from tables import code, first_sentence, table
 
 from station import registry
@@ -98,7 +99,7 @@ def drivers() -> str:
         if not driver.__module__.startswith("drivers."):
             continue
         module = importlib.import_module(driver.__module__)
-        about = " ".join((driver.__doc__ or "").split())
+        about = " ".join((driver.__doc__ or "").partition(TITLE)[0].split())
         has = "yes" if name in simulated else "no"
         wired = {one: f" (by `settings.{key}`)" for one, key in driver.wired_by.items()}
         reads = ", ".join(code(one) + wired.get(one, "") for one in driver.quantities)

@@ -15,7 +15,7 @@ Commands and their sources:
     *STB? - whose interlock opened; clears the byte - TM-8004-C p.180 - confirmed
     :Status:MSG? QERROR;:Status:STB? - errors, until none is left - TM-8004-C p.178, 180; how they
         are written is not given - not confirmed
-    :Status:CSR? A1STATE, A1DYN, A1SWFLT - registers of an axis; a tracking fault is bit 2, or 12
+    :Status:CSR? A1STATE|A1DYN|A1SWFLT - registers of an axis; a tracking fault is bit 2, or 12
         before build 1848 - TM-8004-C, TM-9389 p.5 - confirmed
     :Mode 1,Rate|Position|Off, :Mode ALL,Off, :Mode? 1 - mode, answered by word or letter -
         TM-8004-C - confirmed

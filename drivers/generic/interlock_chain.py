@@ -25,10 +25,6 @@ exchanges.
 | ACUTROL3000 | `interlock`: what the manuals call a hardware abort, in the state of any axis |
 | Watlow F4T | `door`: the input of `settings.door`; each alarm that is on, limit that tripped |
 | Watlow F4 | `door`: the input of `settings.door`; each alarm that is on, its sensor's error |
-
-Commands and their sources:
-    *IDN?, CHAIN?, CHAIN:LIST?, SYST:ERR? - a reader of contacts - the protocol in its docstring -
-        confirmed
 """
 
 from __future__ import annotations
@@ -49,7 +45,12 @@ STATES = {"CLOSED": "closed", "OPEN": "open"}
 
 
 class InterlockChainLine(ScpiDriver):
-    """The interlock chain as a reader with the protocol of this file sees it."""
+    """The interlock chain as a reader with the protocol of this file sees it.
+
+    Commands and their sources:
+        *IDN?, CHAIN?, CHAIN:LIST?, SYST:ERR? - a reader of contacts - the protocol in the docstring
+            of its module - confirmed
+    """
 
     class Settings(VisaSettings):
         """What the reader does not list while they are closed, and its line."""
@@ -95,6 +96,10 @@ class SharedInterlockChain(Driver):
     """Contacts of several instruments in series: open where one of them has one open.
 
     Needs `shares: [turntable, thermal_chamber]`, or one of them, beside `driver` in the bench file.
+
+    Commands and their sources:
+        nothing of its own - the drivers of its `shares` ask for their contacts - the rows of
+            acutrol-3000, watlow-f4t and watlow-f4 - not confirmed
     """
 
     def __init__(self, place: Place) -> None:

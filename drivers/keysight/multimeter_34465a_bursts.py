@@ -13,8 +13,7 @@ Commands and their sources:
         confirmed
     CONF? - function, range and resolution as they were met - Truevolt guide - confirmed
     SYST:LFR? - the frequency of the mains - public client code - confirmed
-    FUNC, RANG, NPLC, ZERO:AUTO - the measurement - Truevolt guide, public client code - confirmed
-    VOLT:DC:IMP:AUTO - an input above 10 Gohm - Truevolt guide - confirmed
+    FUNC - what is measured - Truevolt guide, public client code - confirmed
     TRIG:SOUR, TRIG:COUN, TRIG:DEL:AUTO, SAMP:SOUR, SAMP:COUN - a burst - Truevolt guide - confirmed
     INIT, ABOR, STAT:OPER:COND?, DATA:POIN?, DATA:LAST?, FETC? - start, poll, fetch - Truevolt
         guide - confirmed

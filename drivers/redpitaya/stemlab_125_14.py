@@ -16,11 +16,11 @@ address is all that distinguishes one from another.
 
 Commands and their sources:
     *IDN? - who answers, without a serial number - the server's source - confirmed
-    ACQ:RST, ACQ:START, ACQ:DEC, ACQ:DEC:F, ACQ:AVG, ACQ:DATA:UNITS, ACQ:SOUR:GAIN - a record - the
-        maker's list of commands - confirmed
+    ACQ:RST, ACQ:START, ACQ:DEC, ACQ:DEC:F, ACQ:AVG, ACQ:DATA:UNITS, ACQ:SOUR1:GAIN - a record -
+        the maker's list of commands - confirmed
     ACQ:TRIG, ACQ:TRIG:STAT?, ACQ:TRIG:FILL?, ACQ:TRIG:DLY - its trigger - the maker's list of
         commands - confirmed
-    ACQ:SOUR:DATA:START:N?, ACQ:SOUR:DATA:STA:N? - values from a place on - the server's source -
+    ACQ:SOUR1:DATA:START:N?, ACQ:SOUR1:DATA:STA:N? - values from a place on - the server's source -
         confirmed
     ACQ:WPOS?, ACQ:TPOS? - the pointers, which system keeps which - the server's source -
         not confirmed

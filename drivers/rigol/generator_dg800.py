@@ -14,22 +14,22 @@ Commands and their sources:
     *IDN? - who answers - an answer of a DG822 and of a DG952 in public client code - confirmed
     *CLS, *RST, SYST:ERR? - a known state, the error queue - QCoDeS driver, public notes that quote
         the guide - confirmed
-    OUTP, OUTP:POL - the output, as ON or OFF - QCoDeS driver, public client code - confirmed
-    OUTP:LOAD - 1 ohm to 10 kohm or INF, an open end as 9.9E+37 - public notes that quote the guide;
-        QCoDeS driver as OUTP:IMP - confirmed
-    OUTP:VOLL, OUTP:VOLL:HIGH, OUTP:VOLL:LOW - the instrument's own limits - QCoDeS driver -
+    OUTP1, OUTP1:POL - the output, as ON or OFF - QCoDeS driver, public client code - confirmed
+    OUTP1:LOAD - 1 ohm to 10 kohm or INF, an open end as 9.9E+37 - public notes that quote the
+        guide; QCoDeS driver as OUTP:IMP - confirmed
+    OUTP1:VOLL, OUTP1:VOLL:HIGH, OUTP1:VOLL:LOW - the instrument's own limits - QCoDeS driver -
         not confirmed
-    SOUR:FUNC, SOUR:VOLT, SOUR:VOLT:UNIT, SOUR:VOLT:OFFS - a steady voltage and a pulse - public
-        client code of the DG800 - confirmed
-    SOUR:VOLT:HIGH, SOUR:VOLT:LOW - the levels of a pulse - public client code of Rigol generators -
-        not confirmed
-    SOUR:FUNC:PULS:PER, SOUR:FUNC:PULS:WIDT - the length of a step - guide p.2-79 for the subsystem,
-        public client code - confirmed
-    SOUR:BURS:STAT, SOUR:BURS:MODE, SOUR:BURS:NCYC - a single step - guide p.2-59, QCoDeS driver -
-        confirmed
-    SOUR:BURS:TRIG:SOUR, SOUR:BURS:TRIG:SLOP, SOUR:BURS:TDEL - what starts a step, up to 100 s
+    SOUR1:FUNC, SOUR1:VOLT, SOUR1:VOLT:UNIT, SOUR1:VOLT:OFFS - a steady voltage and a pulse -
+        public client code of the DG800 - confirmed
+    SOUR1:VOLT:HIGH, SOUR1:VOLT:LOW - the levels of a pulse - public client code of Rigol
+        generators - not confirmed
+    SOUR1:FUNC:PULS:PER, SOUR1:FUNC:PULS:WIDT - the length of a step - guide p.2-79 for the
+        subsystem, public client code - confirmed
+    SOUR1:BURS:STAT, SOUR1:BURS:MODE, SOUR1:BURS:NCYC - a single step - guide p.2-59, QCoDeS
+        driver - confirmed
+    SOUR1:BURS:TRIG:SOUR, SOUR1:BURS:TRIG:SLOP, SOUR1:BURS:TDEL - what starts a step, up to 100 s
         before it - QCoDeS driver, public client code - confirmed
-    SOUR:BURS:IDLE - BOTTOM: a pulse waits at its low level - QCoDeS driver - not confirmed
+    SOUR1:BURS:IDLE - BOTTOM: a pulse waits at its low level - QCoDeS driver - not confirmed
 """
 
 from __future__ import annotations

@@ -105,6 +105,10 @@ class Acutrol3000(LineInstrument):
         """Return whether an axis turns."""
         return any(axis.turns() for axis in self.axes.values())
 
+    def knows(self, command: str) -> bool:
+        """Whether the controller has every header of a message."""
+        return all(step.act is not None for step in self._language.steps(command))
+
     def _line(self, line: bytes) -> bytes:
         for axis in self.axes.values():
             axis.catch_up()

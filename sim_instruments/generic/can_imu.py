@@ -39,6 +39,7 @@ class CanImu(CanInstrument):
 
     model = "nine-axis sensor"
     dbc = "nine_axis"
+    messages = (COMMAND, ACK, STATUS, IDENTITY, *PARTS)
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:

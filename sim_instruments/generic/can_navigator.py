@@ -36,6 +36,7 @@ class CanNavigator(CanInstrument):
 
     model = "FOG navigator"
     dbc = "navigator"
+    messages = (COMMAND, ACK, STATUS, IDENTITY, HEADING, ROLL, TEMPERATURES)
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:

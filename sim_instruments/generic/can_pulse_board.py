@@ -41,6 +41,7 @@ class CanPulseBoard(CanInstrument):
 
     model = "CAN pulse board"
     dbc = "pulse_board"
+    messages = (COMMAND, ACK, STATUS, IDENTITY, *(FIRST_COUNTS + k for k in range(CHANNELS)))
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:

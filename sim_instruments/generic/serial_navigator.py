@@ -78,6 +78,7 @@ class SerialNavigator(FrameInstrument):
     """
 
     model = "FOG navigator"
+    kinds = NAMES
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -77,6 +78,7 @@ class SerialPulseBoard(FrameInstrument):
     """
 
     model = "serial pulse board"
+    kinds = MappingProxyType({COMMAND: "command", **NAMES})
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:

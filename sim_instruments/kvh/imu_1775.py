@@ -136,7 +136,11 @@ class Kvh1775(FrameInstrument):
     lasting_faults: ClassVar = LASTING_FAULTS
 
     def __init__(self, setting: Setting) -> None:
-        self._serial = setting.serial
+        self._fixed = {
+            "?CONFIG": "CONFIG,1",
+            "?IS": f"IS,{setting.serial}",
+            "?WS": "\r\n".join(FIRMWARE),
+        }
         self._settings = dict(FACTORY)
         if "settings" in setting.truth:
             left = setting.truth.section("settings")
@@ -148,6 +152,11 @@ class Kvh1775(FrameInstrument):
         self._sequence = 0
         self._model = NineAxisModel(setting, self._frames, self._send)
         self.begin_to_serve(setting, commands_in, self._model)
+
+    def knows(self, command: str) -> bool:
+        """Whether the sensor has a command or a setting."""
+        own = command in (*SELF_TESTS, "=CONFIG,1", "=CONFIG,0", *self._fixed)
+        return own or setting_of(command[1:])[0] in FACTORY
 
     def _received(self, line: bytes) -> None:
         if not self._model.powered:
@@ -185,9 +194,8 @@ class Kvh1775(FrameInstrument):
         if text == "=RSTCFG":
             self._settings = dict(FACTORY)
             return "RSTCFG"
-        fixed = {"?CONFIG": "CONFIG,1", "?IS": f"IS,{self._serial}", "?WS": "\r\n".join(FIRMWARE)}
-        if text in fixed:
-            return fixed[text]
+        if text in self._fixed:
+            return self._fixed[text]
         asks, name, value = text[:1], *setting_of(text[1:])
         if asks not in "?=" or name not in FACTORY:
             return f"INVALID,{text}"

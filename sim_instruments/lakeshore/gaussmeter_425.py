@@ -89,6 +89,10 @@ class Lakeshore425(LineInstrument):
         }
         self.begin_to_serve(setting)
 
+    def knows(self, command: str) -> bool:
+        """Whether the meter has a question, or the setting that it asks for."""
+        return f"{command.removesuffix('?')}?" in self._queries
+
     def _restore(self) -> None:
         self._unit, self._range, self._auto, self._mode = 1, 4, True, "1,1,1"
         self._relative, self._relative_mT, self._alarm = (

@@ -85,6 +85,10 @@ class NewportEsp301(LineInstrument):
         """Return whether the stage turns."""
         return self._axis.turns()
 
+    def knows(self, command: str) -> bool:
+        """Whether the controller, or an axis, has a command."""
+        return command in self._general or command in self._of_axis
+
     def _server_kind(self) -> Callable[..., LineServer]:
         return partial(HeldLineServer, parts=parts, held_s=self._held_s)
 

@@ -101,6 +101,10 @@ class ThorlabsSc10(LineInstrument):
         """Return whether the light passes, or is about to."""
         return not self._is_closed(self._clock.now())
 
+    def knows(self, command: str) -> bool:
+        """Whether the controller has a command or a setting."""
+        return command in self._commands or command.removesuffix("?") in RANGES
+
     # The blade.
 
     def _is_closed(self, time_s: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,10 +18,12 @@ from sim_instruments.faults.lasting import (
 )
 from sim_instruments.instrument import ServedInstrument, Setting
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.wire.modbus import Registers
 from sim_instruments.world.chamber import Chamber
 
 CHAMBER, NOTHING = "chamber", "nothing"
 COMPRESSOR_ALARM = 2
+NUMBER = re.compile(r"\d+")
 """The alarm that hangs on the compressor's pressure switch."""
 
 ROOM: dict[str, Any] = {
@@ -166,6 +169,11 @@ class WatlowController(ServedInstrument):
 
     lasting_faults: ClassVar = Plant.lasting_faults
     _plant: Plant
+    _registers: Registers
+
+    def knows(self, command: str) -> bool:
+        """Whether the controller has a register, or the first and the last of several."""
+        return all(int(number) in self._registers for number in NUMBER.findall(command))
 
     def energised(self) -> bool:
         """Return whether heater and compressor may run."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import socket
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from threading import Lock
@@ -125,7 +125,13 @@ class FrameInstrument(ServedInstrument, ABC):
 
     protocol: ClassVar[str] = "frames"
     resource: ClassVar[str] = "socket://{host}:{port}"
+    kinds: ClassVar[Mapping[int, str]] = {}
+    """What each kind of frame is called, where frames have kinds."""
     _server: FrameStreamServer
+
+    def knows(self, command: str) -> bool:
+        """Whether it takes or sends frames of a kind, in hexadecimal digits."""
+        return int(command, 16) in self.kinds
 
     def begin_to_serve(
         self, setting: Setting, split: Callable[[bytes], Arrived], electronics: Electronics

@@ -60,6 +60,9 @@ class Registers:
         for offset in range(parameter.size):
             self._owners[address + offset] = address
 
+    def __contains__(self, address: int) -> bool:
+        return address in self._owners
+
     def answer(self, request: bytes) -> bytes:
         """Return the answer to a request, both without what frames them."""
         function = request[0] if request else 0

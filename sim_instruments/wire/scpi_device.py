@@ -107,6 +107,10 @@ class ScpiDevice(LineInstrument):
                 replies.append(reply)
         return ";".join(replies) if replies else None
 
+    def knows(self, command: str) -> bool:
+        """Whether the instrument has every header of a message."""
+        return not any(isinstance(handler, ScpiError) for handler, _ in self._lookup(command))
+
     def _line(self, line: bytes) -> bytes:
         reply = self.execute(line.decode("ascii", "replace").strip())
         return b"" if reply is None else reply.encode("ascii") + self.reply_end

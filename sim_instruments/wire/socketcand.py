@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
@@ -179,7 +180,15 @@ class CanInstrument(ServedInstrument, ABC):
     protocol: ClassVar[str] = "socketcand"
     resource: ClassVar[str] = "socketcand://{host}:{port}"
     dbc: ClassVar[str]
+    messages: ClassVar[tuple[int, ...]]
+    """The identifiers of what it takes and sends."""
     _server: SocketcandServer
+
+    def knows(self, command: str) -> bool:
+        """Whether it takes or sends a message, by its name in the message file."""
+        text = (files("config") / "dbc" / f"{self.dbc}.dbc").read_text(encoding="utf-8")
+        line = re.search(rf"^BO_ (\d+) {re.escape(command)}:", text, re.MULTILINE)
+        return line is not None and int(line[1]) in self.messages
 
     def begin_to_serve(self, setting: Setting, electronics: Electronics) -> None:
         """Listen from now on."""

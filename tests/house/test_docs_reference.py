@@ -29,6 +29,7 @@ import reference_bad_input  # noqa: E402
 import reference_formats  # noqa: E402
 import reference_instruments  # noqa: E402
 import reference_keys  # noqa: E402
+import simulated  # noqa: E402
 import tables  # noqa: E402
 
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.relative_to(DOCS).parts)
@@ -190,6 +191,36 @@ def test_what_a_page_prints_is_compared_line_by_line() -> None:
 def test_every_driver_says_where_each_of_its_commands_is_documented(name: str) -> None:
     rows = reference_instruments.rows_of(reference_instruments.own_drivers()[name])
     assert rows, "write its section"
+
+
+def test_a_model_has_its_own_rows_and_not_those_of_one_beside_it() -> None:
+    drivers = reference_instruments.own_drivers()
+    card = {row.command for row in reference_instruments.rows_of(drivers["kepco-bop-36-12"])}
+    assert {"LIST:CURR:APPL SINE", "SYST:REM ON"}.isdisjoint(card)
+    assert {"CURR:LIM", "FUNC:MODE CURR"} <= card
+    thermometer = reference_instruments.rows_of(drivers["keysight-34465a-pt100"])
+    assert "VOLT:DC:IMP:AUTO" not in {row.command for row in thermometer}
+
+
+NONSENSE = {
+    "can": "NO_MESSAGE",
+    "serial": "FE",
+    "watlow": "60001",
+    "kvh": "=NONSENSE",
+    "acutrol": ":Nonsense:Rate? 1",
+}
+
+
+@pytest.mark.parametrize("name", reference_instruments.own_drivers())
+def test_the_simulator_of_a_model_is_asked_for_each_row(name: str) -> None:
+    row = reference_instruments.rows_of(reference_instruments.own_drivers()[name])[0].command
+    if simulated.simulator_of(name) is None:
+        assert simulated.answered(name, row) == ""
+        return
+    other = NONSENSE.get(name.partition("-")[0], "NONS?")
+    assert simulated.answered(name, row) == "yes"
+    assert simulated.answered(name, other) == "no"
+    assert simulated.answered(name, f"{row}, {other}") == f"not `{other}`"
 
 
 def test_a_row_of_commands_may_go_on_and_has_four_parts() -> None:
