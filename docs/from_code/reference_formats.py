@@ -121,6 +121,7 @@ RUN_FILES = {
     "raw/SOURCE-NNN.mcap": "raw rows of one source, one file for each process that wrote",
     "trace/INSTRUMENT.txt": "`run --record-wire`: every exchange of one instrument, with its time; "
     "in `segment-N/` that of a process which went on with the run",
+    "trace/INSTRUMENT.sums": "Adler-32 and CRC-32 of each line of that file, in hexadecimal",
     "spectrum-AXIS.csv": "rlg-magnetic-sensitivity: the table of step S6; `IA-NA-LA` for coils "
     "driven at once",
     "results.json": "the results; a copy of revision 000",

@@ -9,11 +9,14 @@ from pathlib import Path
 from queue import Full, Queue
 from threading import Thread
 from typing import TextIO
+from zlib import adler32, crc32
 
 from station.clock import Clock, RealClock
 from station.console import tell
 
 FOLDER = "trace"
+LINE_SUMS = ".sums"
+"""What the check sums of a transcript's lines are called beside it: one line for each."""
 ADDRESS = "# address: "
 MAX_WAITING = 20_000
 """Messages that wait for the disk."""
@@ -37,6 +40,12 @@ def readable(data: bytes) -> str:
     return "".join(map(ESCAPES.__getitem__, data))
 
 
+def sums_of(line: bytes) -> str:
+    """Return the check sums of a transcript's line, its end left out."""
+    text = line.rstrip(b"\r")
+    return f"{adler32(text):08x}{crc32(text):08x}"
+
+
 class Trace:
     """One text file per instrument below `trace/` of a run folder, one line per message.
 
@@ -57,6 +66,7 @@ class Trace:
         self._lines: Queue[tuple[str, str] | None] = Queue(MAX_WAITING)
         self._lost: Counter[str] = Counter()
         self._files: dict[str, TextIO] = {}
+        self._sums: dict[str, TextIO] = {}
         self._addresses: dict[str, str] = {}
         self._failed = False
         self._thread = Thread(target=self._write_on, name="trace", daemon=True)
@@ -99,7 +109,7 @@ class Trace:
                 if not self._failed:
                     self._write(*due)
         finally:
-            for file in self._files.values():
+            for file in (*self._files.values(), *self._sums.values()):
                 with suppress(OSError):
                     file.close()
 
@@ -109,9 +119,12 @@ class Trace:
                 self.folder.mkdir(parents=True, exist_ok=True)
                 path = self.folder / f"{instrument}.txt"
                 self._files[instrument] = path.open("w", encoding="utf-8", buffering=1)
+                self._sums[instrument] = path.with_suffix(LINE_SUMS).open("w", encoding="ascii")
                 address = f"{ADDRESS}{self._addresses.get(instrument, '')}"
-                self._files[instrument].write(HEAD.format(name=instrument, address=address))
+                line = HEAD.format(name=instrument, address=address) + line
             self._files[instrument].write(line)
+            for part in line.removesuffix("\n").split("\n"):
+                self._sums[instrument].write(f"{sums_of(part.encode())}\n")
         except OSError as error:
             self._failed = True
             tell(f"the trace ends here, it cannot be written: {error.strerror or error}")

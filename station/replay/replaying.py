@@ -16,6 +16,7 @@ from station.record.folder import RunFolder, read_run
 from station.record.layout import MANIFEST, file_hash
 from station.recorded import read_plan_and_bench
 from station.replay.deviations import Deviations
+from station.replay.lines import changed_lines
 from station.replay.transcript import Transcript, read_transcripts
 from station.replay.wire import ReplayClock
 from station.runner.execute import Request, execute
@@ -113,10 +114,15 @@ def forgive_the_end(
 
 
 def altered(path: Path) -> list[str]:
-    """Return the transcripts that are not as the run's manifest has them, each as a sentence."""
+    """Return in sentences what of the transcripts is not as it was recorded: files, and lines."""
+    named = [
+        sentence
+        for transcript in sorted((path / FOLDER).glob("*.txt"))
+        for sentence in changed_lines(transcript)
+    ]
     manifest = path / MANIFEST
     if not manifest.is_file():
-        return []
+        return named
     try:
         files = json.loads(manifest.read_text(encoding="utf-8"))["files"]
     except (ValueError, KeyError) as error:
@@ -130,4 +136,4 @@ def altered(path: Path) -> list[str]:
             sentences.append(f"{instrument}: {name} was recorded and is lost")
         elif file_hash(path / name) != known:
             sentences.append(f"{instrument}: {name} was changed since it was recorded")
-    return sentences
+    return [*sentences, *named]
