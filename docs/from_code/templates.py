@@ -1,4 +1,4 @@
-"""The files of `station new procedure` as the how-to shows them, in a package of a laboratory."""
+"""The files of `station new procedure` and `new driver` as the how-tos show them."""
 
 from __future__ import annotations
 
@@ -7,26 +7,45 @@ from functools import partial
 
 from station.cli.new import template
 
-VALUES = {
+PROCEDURE = {
     "name": "coil-constant",
     "project": "fieldlab",
     "package": "fieldlab.coil_constant",
     "plan": "coil-x.yaml",
 }
-SHOWN = {
-    "procedure-declared": ("package/__init__.py", "fieldlab/coil_constant/__init__.py", "python"),
-    "procedure-steps": ("package/steps.py", "fieldlab/coil_constant/steps.py", "python"),
-    "procedure-evaluated": ("package/evaluate.py", "fieldlab/coil_constant/evaluate.py", "python"),
-    "procedure-project": ("pyproject.toml", "pyproject.toml", "toml"),
-    "procedure-plan": ("plan.yaml", "coil-x.yaml", "yaml"),
-    "procedure-test": ("test_package.py", "test_coil_constant.py", "python"),
+DRIVER = {
+    "name": "mag-3",
+    "project": "fieldlab",
+    "driver": "fieldlab.mag3",
+    "simulator": "fieldlab.mag3_simulator",
+    "class_name": "Mag3",
+    "model": "MAG-3",
 }
+SHOWN = {
+    "procedure-declared": ("package/__init__.py", "file: fieldlab/coil_constant/__init__.py"),
+    "procedure-steps": ("package/steps.py", "file: fieldlab/coil_constant/steps.py"),
+    "procedure-evaluated": ("package/evaluate.py", "file: fieldlab/coil_constant/evaluate.py"),
+    "procedure-project": ("pyproject.toml", "file: pyproject.toml"),
+    "procedure-plan": ("plan.yaml", "file: coil-x.yaml"),
+    "procedure-test": ("test_package.py", "file: test_coil_constant.py"),
+    "driver-code": ("package/driver.py", "file: fieldlab/mag3.py"),
+    "driver-simulator": ("package/simulator.py", "file: fieldlab/mag3_simulator.py"),
+    "driver-project": ("pyproject.toml", "file: pyproject.toml"),
+    "driver-package": ("package/__init__.py", "file: fieldlab/__init__.py"),
+    "driver-entry": (
+        "entry.yaml",
+        "replace: gaussmeter in config/benches/sim.yaml as config/benches/lab.yaml",
+    ),
+}
+LANGUAGES = {"py": "python", "toml": "toml", "yaml": "yaml"}
 
 
-def shown(source: str, file: str, language: str) -> str:
-    """Return a template as the marked block of a file."""
-    text = template(f"procedure/{source}", VALUES)
-    return f"<!-- file: {file} -->\n```{language}\n{text}```"
+def shown(name: str) -> str:
+    """Return a template as a marked block."""
+    source, mark = SHOWN[name]
+    kind = name.partition("-")[0]
+    text = template(f"{kind}/{source}", PROCEDURE if kind == "procedure" else DRIVER)
+    return f"<!-- {mark} -->\n```{LANGUAGES[source.rpartition('.')[2]]}\n{text}```"
 
 
-MAKERS: dict[str, Callable[[], str]] = {name: partial(shown, *what) for name, what in SHOWN.items()}
+MAKERS: dict[str, Callable[[], str]] = {name: partial(shown, name) for name in SHOWN}

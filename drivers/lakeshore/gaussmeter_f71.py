@@ -28,19 +28,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from drivers.generic.three_axes import ThreeAxes, in_mT
 from drivers.transport.line import identification, shortened
 from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ScpiDriver, VisaSettings
 from station.fields import Second
-from station.roles import Block, Identity, Place, published, quantity
+from station.roles import Block, Identity, Place, quantity
 
 READING_PERIOD_S = 0.01
-OVERLOAD_T = 9e37
 SAME = 0.05
 """Of the largest component: two readings of one axis, one after the other, differ by less."""
 
 
-class LakeshoreF71(ScpiDriver):
+class LakeshoreF71(ThreeAxes, ScpiDriver):
     """A gaussmeter that buffers averaged readings with its own time stamps."""
 
     class Settings(VisaSettings):
@@ -60,14 +60,9 @@ class LakeshoreF71(ScpiDriver):
     error_query = ":SYST:ERR:ALL?"
     no_error = "(?i).*no error"
     answer_end = "\r\n"
-    axes: ClassVar[int] = 3
-    keeps_readings: ClassVar[bool] = True
-    source = "gaussmeter"
     columns: ClassVar[Mapping[str, str]] = {
         "instrument_time_s": "s by the instrument's clock, from its first stamp of the run",
-        "x_T": "T along the probe's x",
-        "y_T": "T along the probe's y",
-        "z_T": "T along the probe's z",
+        **ThreeAxes.components,
         "state": "1 the instrument's input state says overload, 0 it does not",
     }
 
@@ -85,9 +80,6 @@ class LakeshoreF71(ScpiDriver):
         """Ask `*IDN?`: maker, model, serial number, options and firmware."""
         parts = identification(self.place.name, self._line.query("*IDN?"))
         return Identity(parts[0], parts[1], parts[2].split("/")[0], parts[-1])
-
-    def turn_to(self, axis: str) -> None:
-        """Do nothing: its probe measures along all three axes."""
 
     def start(self, largest_field_mT: float) -> None:
         """Select DC mode, tesla, averaging and the range, and empty the buffer."""
@@ -114,9 +106,7 @@ class LakeshoreF71(ScpiDriver):
         records = [record for record in answer.strip().strip('"').split(";") if record]
         rows = np.array([self._row(record) for record in records]).reshape(-1, 5)
         self._check_rising(rows[:, 0])
-        if len(rows):
-            self._shown_mT(float(np.linalg.norm(rows[-1, 1:4])))
-        return Block(dict(zip(self.columns, rows.T, strict=True)), np.full(len(rows), arrival_s))
+        return self.block(rows, arrival_s)
 
     @quantity("field", "mT")
     def _field_mT(self) -> float:
@@ -170,10 +160,6 @@ class LakeshoreF71(ScpiDriver):
         order = orders[0] if len(orders) == 1 else "in an order that does not show"
         self.met(f"FETC:DC? ALL gives {order}")
 
-    @published("field", "mT")
-    def _shown_mT(self, magnitude_T: float) -> float:
-        return in_mT(magnitude_T)
-
     def _check_rising(self, instrument_time_s: NDArray[np.float64]) -> None:
         """Raise InstrumentError when stamps do not rise: an answer came twice, or out of turn."""
         if not len(instrument_time_s):
@@ -204,8 +190,3 @@ class LakeshoreF71(ScpiDriver):
                 "check the cable and that nobody else talks to the instrument",
             ) from error
         return instrument_time_s, x_T, y_T, z_T, overload
-
-
-def in_mT(magnitude_T: float) -> float:
-    """Return a magnitude in mT, infinite for what the instrument says of an overload."""
-    return magnitude_T * 1e3 if abs(magnitude_T) < OVERLOAD_T else math.inf

@@ -50,7 +50,7 @@ def new(
         typer.Option(metavar="PLAN", help="The plan that a new one changes.", show_default=False),
     ] = None,
 ) -> None:
-    """Write a plan, bench file or procedure to start from."""
+    """Write a plan, bench file, procedure or driver to start from."""
     from station.cli.new import write_new
 
     write_new(kind.value, name, extends)

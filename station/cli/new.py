@@ -1,4 +1,4 @@
-"""`station new`: a plan, a bench file or a procedure that works, to change into one's own."""
+"""`station new`: a plan, bench, procedure or driver that works, to change into one's own."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from station.files.lookup import BENCHES, PLANS, available, find
 from station.speech import show
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+ENTRY = re.compile(r"^  gaussmeter:\n(?:(?: {4,}.*)?\n)*", re.MULTILINE)
+"""The gaussmeter of a bench file."""
 USUAL = "rlg-magnetic-sensitivity"
 """The plan that a new plan extends and a new bench is written for."""
 
@@ -44,7 +46,7 @@ def write_new(kind: str, name: str, base: str | None = None) -> None:
     if kind == "plan":
         texts, following = plan(name, base or USUAL)
     else:
-        texts, following = bench(name) if kind == "bench" else procedure(name)
+        texts, following = {"bench": bench, "procedure": procedure, "driver": driver}[kind](name)
     for path in texts:
         if path.exists() or path.is_symlink():
             raise InputError(f"{path} is there already, nothing was written; choose another name")
@@ -94,11 +96,7 @@ def bench(name: str) -> tuple[dict[Path, str], list[str]]:
 
 def procedure(name: str) -> tuple[dict[Path, str], list[str]]:
     """Return a package with a procedure, its entry points, a plan and a test."""
-    package = name.replace("-", "_")
-    if name in registry.names(registry.PROCEDURES):
-        raise InputError(f"there is a procedure '{name}' already; choose another name")
-    if keyword.iskeyword(package) or find_spec(package) is not None:
-        raise InputError(f"Python has a module '{package}' already; choose another name")
+    package = package_of(registry.PROCEDURES, "procedure", name)
     values = {"name": name, "project": name, "package": package, "plan": f"{name}.yaml"}
     names = {
         "pyproject.toml": "pyproject.toml",
@@ -108,15 +106,70 @@ def procedure(name: str) -> tuple[dict[Path, str], list[str]]:
         "plan.yaml": f"{name}.yaml",
         "test_package.py": f"test_{package}.py",
     }
-    texts = {
-        Path(name, path): template(f"procedure/{source}", values) for source, path in names.items()
-    }
-    return texts, [
+    return package_files("procedure", name, names, values), [
         f"pip install -e {name}",
         f"station run {name}/{name}.yaml --non-interactive",
         f"pytest {name}",
         "put your method in place of the coil constant that it measures",
     ]
+
+
+def driver(name: str) -> tuple[dict[Path, str], list[str]]:
+    """Return a package with a driver, its simulator and their entry points, and a bench.
+
+    The bench is the simulated one with the new driver's gaussmeter.
+    """
+    package = package_of(registry.DRIVERS, "driver", name)
+    values = {
+        "name": name,
+        "project": name,
+        "driver": f"{package}.driver",
+        "simulator": f"{package}.simulator",
+        "class_name": name.title().replace("-", ""),
+        "model": name.upper(),
+    }
+    names = {
+        "pyproject.toml": "pyproject.toml",
+        "package/__init__.py": f"{package}/__init__.py",
+        "package/driver.py": f"{package}/driver.py",
+        "package/simulator.py": f"{package}/simulator.py",
+    }
+    entry = template("driver/entry.yaml", values)
+    sim = files("config").joinpath(BENCHES, "sim.yaml").read_text(encoding="utf-8")
+    bench_text = ENTRY.sub(lambda _: f"{entry}\n", sim[sim.index("\n") + 1 :], count=1)
+    bench_text = bench_text.replace("\nname: sim\n", f'\nname: "{name}"\n', 1)
+    bench_file = f"{name}/{name}.yaml"
+    texts = package_files("driver", name, names, values) | {Path(bench_file): bench_text}
+    return texts, [
+        f"pip install -e {name}",
+        f"station identify {bench_file}",
+        "pytest -p station.conformance.plugin --pyargs station.conformance "
+        f"--station-driver {name} --station-bench {bench_file}",
+        "put your instrument's commands in place of those of the gaussmeter",
+    ]
+
+
+def package_of(group: str, word: str, name: str) -> str:
+    """Return the Python package of a new procedure or driver; InputError where a name is taken."""
+    package = name.replace("-", "_")
+    if name in registry.names(group):
+        raise InputError(f"there is a {word} '{name}' already; choose another name")
+    if (
+        keyword.iskeyword(package)
+        or keyword.iskeyword(package.title())
+        or find_spec(package) is not None
+    ):
+        raise InputError(f"Python has a module '{package}' already; choose another name")
+    return package
+
+
+def package_files(
+    kind: str, name: str, names: Mapping[str, str], values: Mapping[str, str]
+) -> dict[Path, str]:
+    """Return the filled templates of a package in its folder."""
+    return {
+        Path(name, path): template(f"{kind}/{source}", values) for source, path in names.items()
+    }
 
 
 def free(kind: str, word: str, name: str) -> list[str]:

@@ -166,6 +166,7 @@ class NewKind(StrEnum):
     """What `new` can write."""
 
     PROCEDURE = "procedure"
+    DRIVER = "driver"
     PLAN = "plan"
     BENCH = "bench"
 

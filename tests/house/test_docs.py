@@ -20,14 +20,14 @@ def test_the_examples_of_a_page_work_as_it_says(page: Path, tmp_path: Path) -> N
     Workshop(tmp_path).carry_out(page)
 
 
-def test_a_driver_with_its_simulator_is_two_files_of_at_most_120_lines() -> None:
+def test_a_driver_with_its_simulator_is_two_files_of_at_most_100_lines() -> None:
     files = {
         example.detail: len(example.text.splitlines())
         for example in examples(DOCS / "how-to" / "write-a-driver.md")
         if example.mark == "file" and "mag3" in example.detail
     }
     assert len(files) == 2
-    assert sum(files.values()) <= 120, files
+    assert sum(files.values()) <= 100, files
 
 
 def test_a_procedure_is_three_files_of_at_most_130_lines() -> None:

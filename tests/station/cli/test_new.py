@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -55,11 +56,24 @@ def test_a_new_bench_validates_and_no_serial_number_is_invented() -> None:
 
 def test_a_new_procedure_passes_its_own_tests(tmp_path: Path) -> None:
     write_new("procedure", "coil-constant-2")
-    folder = tmp_path / "coil-constant-2"
+    assert "2 passed" in pytest_with(tmp_path / "coil-constant-2", "coil-constant-2")
+
+
+def test_a_new_driver_and_its_simulator_pass_the_conformance_run_that_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_new("driver", "mag-4")
+    (command,) = re.findall(r"pytest (.+)", capsys.readouterr().err)
+    printed = pytest_with(tmp_path / "mag-4", *command.split())
+    assert re.search(r"^20 passed, 4 skipped, \d+ deselected", printed, re.MULTILINE), printed
+
+
+def pytest_with(folder: Path, *arguments: str) -> str:
+    """Return what pytest prints, beside a written package that is installed."""
     project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     make_known(project, folder)
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", folder],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments],
         env={
             "PYTHONPATH": str(folder),
             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
@@ -70,10 +84,10 @@ def test_a_new_procedure_passes_its_own_tests(tmp_path: Path) -> None:
         check=False,
         timeout=300,
     )
-    assert "2 passed" in done.stdout, done.stdout + done.stderr
+    return done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("kind", ["plan", "bench", "procedure"])
+@pytest.mark.parametrize("kind", ["plan", "bench", "procedure", "driver"])
 def test_nothing_is_written_over(kind: str, tmp_path: Path) -> None:
     done = here(["new", kind, "mine"], tmp_path)
     assert done.returncode == 0
@@ -93,6 +107,8 @@ def test_nothing_is_written_over(kind: str, tmp_path: Path) -> None:
         (["plan", "commissioning"], "there is a plan 'commissioning' already"),
         (["procedure", "gyro-rate-table"], "there is a procedure 'gyro-rate-table' already"),
         (["procedure", "statistics"], "Python has a module 'statistics' already"),
+        (["driver", "lakeshore-f71"], "there is a driver 'lakeshore-f71' already"),
+        (["driver", "true"], "Python has a module 'true' already"),
         (["procedure", "class"], "Python has a module 'class' already"),
         (["plan", "../mine"], "is no name"),
         (["bench", "mine", "--extends", "sim"], "--extends is for a plan"),
