@@ -249,7 +249,7 @@ def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
         ("stauts", "Error: No such command 'stauts'.\nDid you mean 'status'?\n"),
         ("frobnicate", "Error: No such command 'frobnicate'.\nthere are run, attach, pause, "),
         ("run x --non-interactve", "option: --non-interactve\nDid you mean --non-interactive?\n"),
-        ("new pln x", "for 'kind': Did you mean 'plan'?\n'pln' is not one of 'procedure', 'plan'"),
+        ("new pln x", "for 'kind': Did you mean 'plan'?\n'pln' is not one of 'procedure', "),
         ("list nix", "Error: Invalid value for 'kind': 'nix' is not one of 'procedures', "),
         ("run x y", "Error: Got unexpected extra arguments (y)\n"),
         ("run rlg-magnetic-sensitivity --served no.json", "the path no.json does not exist\n"),
