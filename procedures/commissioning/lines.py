@@ -44,7 +44,6 @@ LineName = Literal[
     "thermal_chamber",
     "signal_generator.xy",
     "signal_generator.z_gradient",
-    "digitizer",
     "pump_laser",
     "dut_power",
 ]
