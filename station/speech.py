@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 ENGLISH = "en"
@@ -106,8 +106,17 @@ def folded(text: str, width: int, indent: int) -> str:
 
 def padded(text: str, width: int) -> str:
     """Return a text in the language of this terminal, as the cell of a column."""
-    shown = said(text)
-    return shown + " " * (width - cells(shown))
+    return _filled(said(text), width)
+
+
+def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines, each column as wide as its widest cell."""
+    widths = [max(map(cells, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(_filled, row, widths)).rstrip() for row in rows]
+
+
+def _filled(cell: str, width: int) -> str:
+    return cell + " " * (width - cells(cell))
 
 
 def joined(parts: Iterable[str]) -> str:

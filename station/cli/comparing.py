@@ -10,7 +10,7 @@ from station.record.comparison import Comparison, Difference, ResultPair, compar
 from station.record.layout import BENCH, PLAN, RUN
 from station.record.verification import refuse_unproven
 from station.report.numbers import format_number, format_with_uncertainty
-from station.speech import cells, said
+from station.speech import in_columns, said
 
 ALIKE = "alike in both"
 
@@ -52,12 +52,7 @@ def lines(comparison: Comparison) -> Iterator[str]:
 
 def table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield rows with their columns in line."""
-    widths = [max(map(cells, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        padded = (
-            cell + " " * (width - cells(cell)) for cell, width in zip(row, widths, strict=True)
-        )
-        yield f"  {'  '.join(padded)}".rstrip()
+    yield from (f"  {line}" for line in in_columns(rows))
 
 
 def _row(difference: Difference) -> tuple[str, str, str]:

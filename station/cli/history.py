@@ -14,7 +14,7 @@ from station.history.series import Series, series_of
 from station.history.store import Entry, History, Wanted
 from station.record.files import write_whole_file
 from station.report.numbers import format_with_uncertainty
-from station.speech import cells, said, show
+from station.speech import in_columns, said, show
 
 NEWEST = 20
 """How many runs of a row are printed; the page and --json have all."""
@@ -57,18 +57,11 @@ def about(wanted: Wanted) -> str:
 def lines(series: Series) -> list[str]:
     """Return the newest runs of a row, a line each, under its title."""
     shown = series.entries[-NEWEST:]
-    rows = [_cells(entry) for entry in shown]
-    widths = [max(map(cells, column)) for column in zip(*rows, strict=True)]
-    padded = (
-        "  ".join(
-            cell + " " * (width - cells(cell)) for cell, width in zip(row, widths, strict=True)
-        )
-        for row in rows
-    )
+    rows = in_columns([_cells(entry) for entry in shown])
     more = len(series.entries) - len(shown)
     head = f"{series.procedure}  {title_of(series)}, {series.unit}"
     left_out = said(f"  ({more} earlier runs not shown)") if more else ""
-    return [head + left_out, *(f"  {row}".rstrip() for row in padded), *_verdict(series)]
+    return [head + left_out, *(f"  {row}" for row in rows), *_verdict(series)]
 
 
 def title_of(series: Series) -> str:

@@ -65,8 +65,8 @@ def plan(name: str, base: str) -> tuple[dict[Path, str], list[str]]:
     """Return a plan that extends another one, whose values stand in it as comments."""
     plans = free(PLANS, "plan", name)
     if base not in plans:
-        what, hint = not_there("plan", base, plans)
-        raise InputError(f"--extends: {meant(what, hint)}")
+        fault = not_there(f"there is no plan '{base}'", base, plans)
+        raise InputError(f"--extends: {meant(*fault)}")
     own = find(PLANS, base).read_text(encoding="utf-8", errors="replace")
     stated = own[own.find("\nparameters:") + 1 :].splitlines() if "\nparameters:" in own else []
     values = {"name": name, "base": base, "parameters": "\n".join(map(commented, stated))}

@@ -112,7 +112,10 @@ def test_nothing_is_written_over(kind: str, tmp_path: Path) -> None:
         (["procedure", "class"], "Python has a module 'class' already"),
         (["plan", "../mine"], "is no name"),
         (["bench", "mine", "--extends", "sim"], "--extends is for a plan"),
-        (["plan", "mine", "--extends", "gyro-rate-tabel"], "did you mean 'gyro-rate-table'"),
+        (
+            ["plan", "mine", "--extends", "gyro-rate-tabel"],
+            "there is no plan 'gyro-rate-tabel'; did you",
+        ),
     ],
 )
 def test_a_name_that_is_taken_or_is_none_is_refused(
