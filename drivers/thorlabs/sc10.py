@@ -20,6 +20,7 @@ Commands and their sources:
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from typing import ClassVar, Literal
@@ -32,17 +33,18 @@ from drivers.transport.serial_port import SerialSettings
 from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.fields import Second
-from station.roles import Driver, Identity, LightSettings, Place, SafetyReading, published, quantity
+from station.roles import Driver, Identity, LightSettings, Place, SafetyReading, quantity
+from station.roles.base import PATIENT
 
 MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
 UNTOLD = "untold"
-Ask = Callable[[str], str]
 MANUAL, EXTERNAL = 1, 5
 TOGGLE_TRIES = 3
 LOOK_S = 0.01
+NOBODY_ELSE = "check the cable and that nobody else talks to the controller"
 REFUSALS = {
     "CMD_NOT_DEFINED": "check the cable and that this is an SC10 with a recent firmware",
-    "CMD_ARG_INVALID": "check the cable and that nobody else talks to the controller",
+    "CMD_ARG_INVALID": NOBODY_ELSE,
 }
 
 
@@ -92,14 +94,12 @@ class ThorlabsSc10(Driver):
         Raises InstrumentError for an open interlock, and for a shutter that stays closed.
         """
         self._look_at_interlock("open the shutter")
-        self._set_mode(MANUAL, self._ask)
-        self._enable(True, self._ask)
+        self._set_mode(MANUAL)
+        self._enable(True)
         self._await(
             True,
             "open the shutter",
             "check that the shutter head is plugged in and nothing blocks its blade",
-            self._moves_within_s,
-            self._ask,
         )
 
     def close_shutter(self) -> None:
@@ -107,7 +107,7 @@ class ThorlabsSc10(Driver):
 
         Raises InstrumentError for a shutter that does not close.
         """
-        self._close(self.place.clock.now() + self._moves_within_s, self._ask)
+        self._close(self.place.clock.now() + self._moves_within_s)
 
     def follow_trigger(self) -> None:
         """Let the light through while the bench's trigger is at rest, by the external gate.
@@ -115,36 +115,32 @@ class ThorlabsSc10(Driver):
         Raises InstrumentError for an open interlock, and where the gate is low at rest.
         """
         self._look_at_interlock("follow the trigger")
-        self._enable(False, self._ask)
-        self._set_mode(EXTERNAL, self._ask)
-        self._enable(True, self._ask)
+        self._enable(False)
+        self._set_mode(EXTERNAL)
+        self._enable(True)
         self._await(
             True,
             "follow the trigger, which is at rest",
             "its gate is low: put an inverter between the trigger and the gate, seat their "
             "cables, and take the trigger back to rest before",
-            self._moves_within_s,
-            self._ask,
         )
 
+    @quantity("output", states=("on", "off"))
     def is_open(self) -> bool:
         """Whether the light passes, by the shutter's own sensor."""
-        return self._is_open(self._ask)
+        return not self._flag("closed?")
 
     def make_safe(self, deadline_s: float) -> None:
         """Close the shutter, in whatever mode it is, and see that it is closed.
 
         Raises InstrumentError for a shutter that does not close before run time `deadline_s`.
         """
-        self._close(deadline_s, self._surely)
+        self._close(deadline_s)
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the shutter is closed, and whether it is disabled, so that it stays."""
-        ask = self._surely
         is_open, enabled, mode_now = self._line.proof.of(
-            lambda: self._is_open(ask),
-            lambda: self._flag("ens?", ask) == 1,
-            lambda: self._mode(ask),
+            self.is_open, lambda: self._flag("ens?"), self._mode
         )
         closed = not is_open
         mode = "following the trigger" if mode_now == EXTERNAL else "by command"
@@ -154,35 +150,28 @@ class ThorlabsSc10(Driver):
             f"{mode}",
         )
 
-    @quantity("output", states=("on", "off"))
-    def _lets_light_through(self) -> bool:
-        return self._flag("closed?", self._surely) == 0
-
-    @published("output", states=("on", "off"))
-    def _is_open(self, ask: Ask) -> bool:
-        return self._flag("closed?", ask) == 0
-
-    def _close(self, deadline_s: float, ask: Ask) -> None:
+    def _close(self, deadline_s: float) -> None:
         # Disabled it closes in every mode; the mode comes after, so that nothing opens it again.
-        self._enable(False, ask)
-        within_s = min(self._moves_within_s, max(deadline_s - self.place.clock.now(), 0.0))
+        self._enable(False)
         self._await(
             False,
             "close the shutter",
             "THE LIGHT STILL PASSES: switch the pump laser off by hand, then find what holds the "
             "blade",
-            within_s,
-            ask,
+            deadline_s,
         )
-        self._set_mode(MANUAL, ask)
+        self._set_mode(MANUAL)
 
-    def _await(self, is_open: bool, attempted: str, do_now: str, within_s: float, ask: Ask) -> None:
+    def _await(
+        self, is_open: bool, attempted: str, do_now: str, deadline_s: float = math.inf
+    ) -> None:
         """Wait until the sensor says what it should; InstrumentError when it does not in time."""
+        within_s = min(self._moves_within_s, max(deadline_s - self.place.clock.now(), 0.0))
         until_s = self.place.clock.now() + within_s
-        while self._is_open(ask) != is_open:
+        while self.is_open() != is_open:
             if self.place.clock.now() >= until_s:
                 state = "closed" if is_open else "open"
-                enabled = "enabled" if self._flag("ens?", ask) else "disabled"
+                enabled = "enabled" if self._flag("ens?") else "disabled"
                 raise self.error(
                     attempted,
                     f"its sensor still reads {state} after {within_s:g} s, and the controller is "
@@ -191,18 +180,18 @@ class ThorlabsSc10(Driver):
                 )
             self.place.clock.sleep(LOOK_S)
 
-    def _enable(self, wanted: bool, ask: Ask) -> None:
+    def _enable(self, wanted: bool) -> None:
         """Enable or disable the shutter by a toggle, which is why each is preceded by a look."""
         attempted = f"{'enable' if wanted else 'disable'} the shutter by 'ens'"
         for _ in range(TOGGLE_TRIES):
-            if (self._flag("ens?", ask) == 1) == wanted:
+            if self._flag("ens?") == wanted:
                 return
             try:
                 self._ask("ens")
             except InstrumentError:  # on the way to rest another look tells what became of it
-                if ask == self._ask:
+                if not PATIENT.get():
                     raise
-        if (self._flag("ens?", ask) == 1) != wanted:
+        if self._flag("ens?") != wanted:
             if wanted:
                 self._look_at_interlock(attempted)
             raise self.error(
@@ -212,7 +201,7 @@ class ThorlabsSc10(Driver):
             )
 
     def _look_at_interlock(self, attempted: str) -> None:
-        if self._flag("interlock?", self._ask) == 1:
+        if self._flag("interlock?"):
             raise self.error(
                 attempted,
                 "its interlock is open (interlock? reads 1)",
@@ -220,15 +209,9 @@ class ThorlabsSc10(Driver):
                 "run again",
             )
 
-    def _mode(self, ask: Ask) -> int:
-        answer = ask("mode?")
-        if not answer.isdecimal():
-            raise self._odd("mode?", answer)
-        return int(answer)
-
-    def _set_mode(self, mode: int, ask: Ask) -> None:
-        ask(f"mode={mode}")
-        has = self._mode(ask)
+    def _set_mode(self, mode: int) -> None:
+        self._ask(f"mode={mode}")
+        has = self._mode()
         if has != mode:
             raise self.error(
                 f"set its mode to {mode}",
@@ -236,18 +219,24 @@ class ThorlabsSc10(Driver):
                 "see that nobody works at its front panel, then run again",
             )
 
-    def _flag(self, question: str, ask: Ask) -> int:
-        answer = ask(question)
-        if answer not in ("0", "1"):
-            raise self._odd(question, answer)
-        return int(answer)
+    def _mode(self) -> int:
+        return int(self._ask("mode?", str.isdecimal))
 
-    def _surely(self, message: str) -> str:
-        """Ask what does no harm twice, so that one lost answer does not leave the light on."""
-        return self._line.repeated(message, lambda: self._ask(message))
+    def _flag(self, question: str) -> bool:
+        return self._ask(question, ("0", "1").__contains__) == "1"
 
-    def _ask(self, message: str) -> str:
-        """Send a message and return the value after its echo, empty for a command."""
+    def _ask(self, message: str, fits: Callable[[str], bool] = lambda value: True) -> str:
+        """Send a message and return the value after its echo, empty for a command.
+
+        With patience, what does no harm twice is sent again, so that one lost answer does not leave
+        the light on.
+        """
+        answer = self._line.patiently(message, lambda: self._value(message))
+        if not fits(answer):
+            raise self._odd(message, answer)
+        return answer
+
+    def _value(self, message: str) -> str:
         answer = self._line.query(message)
         lines = [line.strip() for line in answer.splitlines() if line.strip()]
         if not lines or lines[0] != message:
@@ -259,9 +248,4 @@ class ThorlabsSc10(Driver):
         return value
 
     def _odd(self, message: str, answer: str) -> InstrumentError:
-        return odd(
-            self.place.name,
-            f"sent {message!r}",
-            answer,
-            "check the cable and that nobody else talks to the controller",
-        )
+        return odd(self.place.name, f"sent {message!r}", answer, NOBODY_ELSE)

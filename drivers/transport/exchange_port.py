@@ -22,7 +22,7 @@ from drivers.transport.retry import MESSAGES_KEPT, NEVER, Proof, Repeatable, rep
 from drivers.transport.serial_port import Port
 from station.errors import InstrumentError, reason_of
 from station.roles import EXCHANGE_DEADLINE_S, TRIES, Place
-from station.roles.base import ANSWER_TIME
+from station.roles.base import ANSWER_TIME, PATIENT
 
 Answer = TypeVar("Answer")
 
@@ -81,6 +81,10 @@ class ExchangePort(ExchangeLine, ABC):
     def repeated(self, message: str, exchange: Callable[[], Answer]) -> Answer:
         """Return what an exchange of `message` brings, tried three times if it is repeatable."""
         return repeated(self._repeatable, message, exchange)
+
+    def patiently(self, message: str, exchange: Callable[[], Answer]) -> Answer:
+        """Return what an exchange brings, `repeated` where one lost answer must not decide."""
+        return self.repeated(message, exchange) if PATIENT.get() else exchange()
 
     @abstractmethod
     def echoes_identity(self) -> bool:

@@ -25,18 +25,16 @@ from sim_instruments.world.base import TriggerLine
 IDENTITY = "THORLABS SC10 VERSION 1.07"
 PROMPT = b"> "
 EXTERNAL = 5
-RANGES = {
-    "mode": (1, 5),
-    "trig": (0, 1),
-    "xto": (0, 1),
-    "rep": (1, 99),
-    "open": (1, 999_999),
-    "shut": (1, 999_999),
-    "baud": (0, 1),
+SETTINGS = {
+    "mode": (1, 5, 1),
+    "trig": (0, 1, 0),
+    "xto": (0, 1, 0),
+    "rep": (1, 99, 1),
+    "open": (1, 999_999, 200),
+    "shut": (1, 999_999, 200),
+    "baud": (0, 1, 0),
 }
-"""What can be set, from where to where; the durations of the modes 2 to 4 in ms."""
-
-AT_POWER_ON = {"mode": 1, "trig": 0, "xto": 0, "rep": 1, "open": 200, "shut": 200, "baud": 0}
+"""What can be set, from where to where, and at power-on; the durations of modes 2 to 4 in ms."""
 
 
 class RefusedCommand(Exception):
@@ -76,15 +74,15 @@ class ThorlabsSc10(LineInstrument):
         self._wire = setting.world.find(TriggerLine) or TriggerLine()
         self._wire.listen(self._move_blade, self._move_blade)
         self._error = "" if setting.truth.text("errors", "worded") == "bare" else "Command error "
-        self._values = dict(AT_POWER_ON)
-        self._stored = dict(AT_POWER_ON)
+        self._values = {name: at_power_on for name, (_, _, at_power_on) in SETTINGS.items()}
+        self._stored = dict(self._values)
         self._commands: dict[str, Callable[[], str | None]] = {
             "id?": lambda: IDENTITY,
             "ens?": lambda: str(int(self._enabled)),
             "closed?": lambda: str(int(self._is_closed(self._clock.now()))),
             "interlock?": lambda: str(int(self._tripped())),
             "ens": self._toggle,
-            "?": lambda: "\r".join([*self._commands, *(f"{name}=" for name in RANGES)]),
+            "?": lambda: "\r".join([*self._commands, *(f"{name}=" for name in SETTINGS)]),
             "save": self._store,
             "savp": self._store,
             "resp": self._load,
@@ -155,10 +153,10 @@ class ThorlabsSc10(LineInstrument):
         if text in self._commands:
             return self._commands[text]()
         name, equals, value = text.partition("=")
-        if equals and name in RANGES:
+        if equals and name in SETTINGS:
             self._set(name, value)
             return None
-        if text.removesuffix("?") in RANGES and text.endswith("?"):
+        if text.removesuffix("?") in SETTINGS and text.endswith("?"):
             return str(self._values[text[:-1]])
         raise RefusedCommand("CMD_NOT_DEFINED")
 
@@ -167,7 +165,7 @@ class ThorlabsSc10(LineInstrument):
         self._move_blade(self._clock.now())
 
     def _set(self, name: str, value: str) -> None:
-        low, high = RANGES[name]
+        low, high, _ = SETTINGS[name]
         if not value.isdecimal() or not low <= int(value) <= high:
             raise RefusedCommand("CMD_ARG_INVALID")
         self._values[name] = int(value)

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar, cast, runtime_checkable
@@ -35,6 +36,20 @@ ANSWER_TIME = "answer-time"
 """The event of an answer that took a larger share of its deadline than any before it."""
 NOTED_SHARE, NOTED_GROWTH = 0.1, 1.1
 """An answer time is noted beyond this share of its deadline, and again where it grows so much."""
+
+
+PATIENT = ContextVar("PATIENT", default=False)
+"""Whether one lost answer must not decide what this thread does now."""
+
+
+@contextmanager
+def patience() -> Iterator[None]:
+    """Let no lost answer decide until exit: a driver's way to rest, and its looks at a level."""
+    before = PATIENT.set(True)
+    try:
+        yield
+    finally:
+        PATIENT.reset(before)
 
 
 class Exchanges:
@@ -254,6 +269,8 @@ class Driver:
     interlock; methods declared with `quantity` are entered by themselves. `wired_by` names the
     setting without which a quantity is not wired. A driver's line is its `_line`.
 
+    Its `make_safe`, `read_safety` and `read_quantity` have `patience`.
+
     `deadline_s` is the run time in which its model answers any exchange; `deadlines` has that of
     what takes longer, by a regular expression that is searched for in the message. None is above
     5 s. Each states its reason.
@@ -280,6 +297,8 @@ class Driver:
         cls.quantities = {**cls.quantities, **declared}
         if "make_safe" in vars(cls):
             cls.make_safe = _bounded(cls.make_safe)  # type: ignore[attr-defined]
+        if "read_safety" in vars(cls):
+            cls.read_safety = patience()(cls.read_safety)  # type: ignore[attr-defined]
 
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
@@ -314,6 +333,7 @@ class Driver:
         """Give the line back."""
         self._line.close()  # type: ignore[attr-defined]  # each driver has its own
 
+    @patience()
     def read_quantity(self, quantity: str) -> float | str | None:
         """Return a quantity now; None while there is nothing to be known.
 
@@ -328,7 +348,7 @@ def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], 
 
     @wraps(make_safe)
     def bounded(driver: Driver, deadline_s: float) -> None:
-        with driver.place.exchanges.until(deadline_s):
+        with patience(), driver.place.exchanges.until(deadline_s):
             make_safe(driver, deadline_s)
 
     return bounded
