@@ -111,7 +111,6 @@ class ModbusLine(ExchangePort):
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         address = f"{self._host}:{self._tcp_port}" if self._tcp else wire_address(place.address)
         super().__init__(place, address, repeatable)
-        self.patient = PatientRegisters(self)
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return `count` registers from `address` on.
@@ -119,6 +118,9 @@ class ModbusLine(ExchangePort):
         Raises ModbusRefusal for an exception, InstrumentTimeout when no whole answer comes within
         its deadline.
         """
+        return self.patiently(f"read {address}", lambda: self._read(address, count))
+
+    def _read(self, address: int, count: int) -> list[int]:
         request = ReadHoldingRegistersRequest(address=address, count=count)
         reply = self._ask(request, f"read {address}", f"read register {address}")
         if len(reply.registers) != count:
@@ -130,6 +132,9 @@ class ModbusLine(ExchangePort):
 
     def write(self, address: int, values: Sequence[int]) -> None:
         """Write registers from `address` on, as one: function 6 for one register, 16 for more."""
+        self.patiently(f"write {address}", lambda: self._write(address, values))
+
+    def _write(self, address: int, values: Sequence[int]) -> None:
         request: ModbusPDU
         if len(values) == 1:
             request = WriteSingleRegisterRequest(address=address, registers=list(values))
@@ -160,10 +165,10 @@ class ModbusLine(ExchangePort):
         """
         if self._tcp or not self._witness:
             return True
-        identity = [self.read(address, count) for address, count in self._witness]
+        identity = [self._read(address, count) for address, count in self._witness]
         if self._known is None:
             before = identity
-            identity = [self.read(address, count) for address, count in self._witness]
+            identity = [self._read(address, count) for address, count in self._witness]
             self._known = identity if before == identity else None
         return identity == self._known
 
@@ -229,27 +234,6 @@ class ModbusLine(ExchangePort):
         except (ModbusException, IndexError, ValueError) as error:
             what = f"{shown(answer)} came back, which is no Modbus ({reason_of(error)})"
             raise self._wrong(attempted, what) from error
-
-
-class PatientRegisters:
-    """A device's registers where one lost answer must not decide.
-
-    Everything repeatable, named as `read 2820`, is tried three times before its error is believed.
-    """
-
-    def __init__(self, line: ModbusLine) -> None:
-        self._line = line
-
-    def read(self, address: int, count: int = 1) -> list[int]:
-        """Return registers from an address on."""
-        return self._line.repeated(f"read {address}", lambda: self._line.read(address, count))
-
-    def write(self, address: int, values: Sequence[int]) -> None:
-        """Write registers from an address on."""
-        self._line.repeated(f"write {address}", lambda: self._line.write(address, values))
-
-
-RegisterLine = ModbusLine | PatientRegisters
 
 
 def shown(data: bytes, most: int = 24) -> str:

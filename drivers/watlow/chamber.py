@@ -8,9 +8,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
-from drivers.transport.modbus_line import ModbusLine, RegisterLine
+from drivers.transport.modbus_line import ModbusLine
 from station.errors import InstrumentError
 from station.roles import Driver, Place, SafetyReading, published, quantity
+from station.roles.base import patience
 
 MAX_AT_ONCE_K = 1.0
 SENSIBLE_DEGC = (-200.0, 500.0)
@@ -68,7 +69,7 @@ class WatlowChamber(Driver, ABC):
         low, high = self.limit("temperature_low"), self.limit("temperature_high")
         with self._lock:
             self._steps = None
-            self._engage(min(max(self._air(self._line), low), high))
+            self._engage(min(max(self._air(), low), high))
         self._on = True
         self.place.publish("output", "on")
 
@@ -124,7 +125,7 @@ class WatlowChamber(Driver, ABC):
         """Return the process value; InstrumentError for an alarm, or for a value that is none."""
         self._step()
         self._look("read the temperature")
-        return self._air(self._line)
+        return self._air()
 
     def set_point_degC(self) -> float:
         """Return the set-point that is controlled to now."""
@@ -150,7 +151,7 @@ class WatlowChamber(Driver, ABC):
         with self._lock:
             self._steps = None
             try:
-                self._disengage(self._line.patient)
+                self._disengage()
             except InstrumentError:
                 with suppress(InstrumentError):
                     self.last_attempt()
@@ -167,9 +168,7 @@ class WatlowChamber(Driver, ABC):
     def read_safety(self) -> SafetyReading:
         """Read back whether the control is off and the output without power."""
         # A sensor that has failed makes nothing unsafe.
-        (on, power_percent), air_degC = self._line.proof.of(
-            lambda: self._output(self._line.patient), lambda: self._process_degC(self._line.patient)
-        )
+        (on, power_percent), air_degC = self._line.proof.of(self._output, self._process_degC)
         self.place.publish("output", "on" if on else "off")
         return SafetyReading(
             not on and abs(power_percent) <= NO_POWER_PERCENT,
@@ -177,27 +176,28 @@ class WatlowChamber(Driver, ABC):
             f"air at {air_degC:.1f} degC",
         )
 
+    @patience()
     def open_contacts(self) -> tuple[str, ...]:
         """Return `door` where it is open, and each alarm and limit that is on."""
         contacts = (
             *(["door"] if self._door_is_closed() is False else ()),
-            *self._troubles(self._line.patient),
+            *self._troubles(),
         )
         self.place.publish("chain", "open" if contacts else "closed")
         return contacts
 
-    # What a model does in its own way; `line` is the one to use, patient or not.
+    # What a model does in its own way.
 
     @abstractmethod
-    def _process_degC(self, line: RegisterLine) -> float:
+    def _process_degC(self) -> float:
         """Return the process value."""
 
     @abstractmethod
-    def _output(self, line: RegisterLine) -> tuple[bool, float]:
+    def _output(self) -> tuple[bool, float]:
         """Return whether the control is on, and the power in percent."""
 
     @abstractmethod
-    def _troubles(self, line: RegisterLine) -> list[str]:
+    def _troubles(self) -> list[str]:
         """Return what the controller complains of, in words."""
 
     @abstractmethod
@@ -221,7 +221,7 @@ class WatlowChamber(Driver, ABC):
         """Switch the control on with this set-point, and see that it is on."""
 
     @abstractmethod
-    def _disengage(self, line: RegisterLine) -> None:
+    def _disengage(self) -> None:
         """Switch heater and compressor off."""
 
     @abstractmethod
@@ -248,7 +248,7 @@ class WatlowChamber(Driver, ABC):
         """Return what is known of the door, None where no input is wired to it."""
         if self._door_register is None:
             return None
-        return self._line.patient.read(self._door_register) == [self._input_on()]
+        return self._line.read(self._door_register) == [self._input_on()]
 
     @quantity("chain", states=("closed", "open"))
     def _chain_is_closed(self) -> bool:
@@ -256,11 +256,11 @@ class WatlowChamber(Driver, ABC):
 
     @quantity("output", states=("on", "off"))
     def _is_on(self) -> bool:
-        return self._output(self._line.patient)[0]
+        return self._output()[0]
 
     @published("temperature", "degC")
-    def _air(self, line: RegisterLine) -> float:
-        air_degC = self._process_degC(line)
+    def _air(self) -> float:
+        air_degC = self._process_degC()
         if not SENSIBLE_DEGC[0] <= air_degC <= SENSIBLE_DEGC[1]:
             raise self.error(
                 "read the temperature",
@@ -272,7 +272,7 @@ class WatlowChamber(Driver, ABC):
     @quantity("temperature", "degC")
     def _air_now(self) -> float:
         self._step()
-        return self._air(self._line.patient)
+        return self._air()
 
     # What is common.
 
@@ -313,9 +313,9 @@ class WatlowChamber(Driver, ABC):
         if not now and self.place.clock.now() < self._looked_s + TROUBLE_EVERY_S:
             return
         self._looked_s = self.place.clock.now()
-        troubles = self._troubles(self._line)
+        troubles = self._troubles()
         if self._on:
-            on, _ = self._output(self._line)
+            on, _ = self._output()
             self.place.publish("output", "on" if on else "off")
             if not on:
                 troubles.append("its control is off though it was switched on")

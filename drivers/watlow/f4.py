@@ -38,7 +38,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings, RegisterLine
+from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
 from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import WatlowChamber
 from station.errors import AnotherInstrument
@@ -109,15 +109,15 @@ class WatlowF4(WatlowChamber):
 
     def _input_on(self) -> int:
         assert self._active_register is not None
-        (level,) = self._line.patient.read(self._active_register)
+        (level,) = self._line.read(self._active_register)
         self.met(f"the door's input is active at {'high' if level else 'low'} level")
         return level
 
-    def _is_for_chambers(self, line: RegisterLine) -> bool:
+    def _is_for_chambers(self) -> bool:
         """Whether it has a clock and profiles, and no slidewire; read once."""
         if self._has_profiles is None:
             try:
-                clock = line.read(CLOCK, len(CLOCK_FITS))
+                clock = self._line.read(CLOCK, len(CLOCK_FITS))
             except ModbusRefusal:
                 clock = []
             fits = zip(clock, CLOCK_FITS, strict=bool(clock))
@@ -133,15 +133,15 @@ class WatlowF4(WatlowChamber):
                 f"{unit} came back where degC is {CELSIUS}",
                 "set the controller to degC at its panel",
             )
-        self._is_for_chambers(self._line)
+        self._is_for_chambers()
         return self._temperature(SET_LOW), self._temperature(SET_HIGH)
 
     def _write_limits(self, low_degC: float, high_degC: float) -> None:
         self._write(SET_LOW, low_degC)
         self._write(SET_HIGH, high_degC)
 
-    def _process_degC(self, line: RegisterLine) -> float:
-        return self._temperature(PROCESS, line)
+    def _process_degC(self) -> float:
+        return self._temperature(PROCESS)
 
     def _stands_at(self) -> float:
         return self._temperature(TARGET)
@@ -154,14 +154,14 @@ class WatlowF4(WatlowChamber):
             self._write_word(self._event_register, 1)
         self._jump(temperature_degC)
 
-    def _disengage(self, line: RegisterLine) -> None:
-        (profile,) = line.read(PROFILE)
-        if profile in PROFILE_ACTIVE and self._is_for_chambers(line):
-            line.write(TERMINATE, [1])
-        (low,) = line.read(SET_LOW)
-        line.write(TARGET, [(low - 1) & 0xFFFF])
+    def _disengage(self) -> None:
+        (profile,) = self._line.read(PROFILE)
+        if profile in PROFILE_ACTIVE and self._is_for_chambers():
+            self._line.write(TERMINATE, [1])
+        (low,) = self._line.read(SET_LOW)
+        self._line.write(TARGET, [(low - 1) & 0xFFFF])
         if self._event_register is not None:
-            line.write(self._event_register, [0])
+            self._line.write(self._event_register, [0])
 
     def last_attempt(self) -> None:
         """Switch heater and compressor off at once, and wait for no answer."""
@@ -171,32 +171,32 @@ class WatlowF4(WatlowChamber):
             low = round(self.limit("temperature_low") * self._per_K)
             self._line.tell(TARGET, (low - 1) & 0xFFFF)
 
-    def _output(self, line: RegisterLine) -> tuple[bool, float]:
-        (low,), (target,) = line.read(SET_LOW), line.read(TARGET)
+    def _output(self) -> tuple[bool, float]:
+        (low,), (target,) = self._line.read(SET_LOW), self._line.read(TARGET)
         on = signed(target) >= signed(low)
         if self._event_register is not None:
-            on = on and line.read(self._event_register) == [1]
-        (heats,), (cools,) = line.read(HEATS), line.read(COOLS)
+            on = on and self._line.read(self._event_register) == [1]
+        (heats,), (cools,) = self._line.read(HEATS), self._line.read(COOLS)
         return on, (abs(signed(heats)) - abs(signed(cools))) / PERCENT
 
-    def _troubles(self, line: RegisterLine) -> list[str]:
+    def _troubles(self) -> list[str]:
         troubles = [
             f"alarm {number} is on"
             for number, address in enumerate(ALARMS, 1)
-            if line.read(address) != [0]
+            if self._line.read(address) != [0]
         ]
-        if not self._is_for_chambers(line) and line.read(PROFILE) == [MANUAL]:
+        if not self._is_for_chambers() and self._line.read(PROFILE) == [MANUAL]:
             troubles.append("it is in manual control")
-        (error,) = line.read(INPUT_ERROR)
+        (error,) = self._line.read(INPUT_ERROR)
         return [*troubles, f"its sensor has error {error}"] if error else troubles
 
-    def _temperature(self, address: int, line: RegisterLine | None = None) -> float:
-        per_K = self._scale(line or self._line)
-        (word,) = (line or self._line).read(address)
+    def _temperature(self, address: int) -> float:
+        per_K = self._scale()
+        (word,) = self._line.read(address)
         return signed(word) / per_K
 
     def _write(self, address: int, temperature_degC: float) -> None:
-        self._write_word(address, round(temperature_degC * self._scale(self._line)) & 0xFFFF)
+        self._write_word(address, round(temperature_degC * self._scale()) & 0xFFFF)
 
     def _write_word(self, address: int, word: int) -> None:
         self._line.write(address, [word])
@@ -208,10 +208,10 @@ class WatlowF4(WatlowChamber):
                 "see that nobody works at the controller's panel, then run again",
             )
 
-    def _scale(self, line: RegisterLine) -> float:
+    def _scale(self) -> float:
         """Return the counts in a kelvin, read once."""
         if self._per_K is None:
-            (decimals,) = line.read(DECIMALS)
+            (decimals,) = self._line.read(DECIMALS)
             if decimals > MAX_DECIMALS:
                 raise self.error(
                     "read the decimals of its temperatures",

@@ -40,7 +40,6 @@ from drivers.transport.modbus_line import (
     ModbusLine,
     ModbusRefusal,
     ModbusSettings,
-    RegisterLine,
 )
 from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import LOOK_S, WatlowChamber
@@ -113,9 +112,9 @@ class F4TRegisters:
         (value,) = struct.unpack(">i", self._bytes(self.line.read(address, 2)))
         return int(value)
 
-    def number(self, address: int, line: RegisterLine | None = None) -> float:
+    def number(self, address: int) -> float:
         """Return a number of two registers; it may be no finite one."""
-        (value,) = struct.unpack(">f", self._bytes((line or self.line).read(address, 2)))
+        (value,) = struct.unpack(">f", self._bytes(self.line.read(address, 2)))
         return float(value)
 
     def write_number(self, address: int, value: float) -> None:
@@ -226,8 +225,8 @@ class WatlowF4T(WatlowChamber):
         self._write(SET_LOW, low_degC)
         self._write(SET_HIGH, high_degC)
 
-    def _process_degC(self, line: RegisterLine) -> float:
-        return self._number(PROCESS, line)
+    def _process_degC(self) -> float:
+        return self._number(PROCESS)
 
     def _stands_at(self) -> float:
         return self._number(STANDS_AT)
@@ -249,13 +248,13 @@ class WatlowF4T(WatlowChamber):
                 )
             self.place.clock.sleep(LOOK_S)
 
-    def _disengage(self, line: RegisterLine) -> None:
-        line.write(MODE + self._shift, [OFF])
+    def _disengage(self) -> None:
+        self._line.write(MODE + self._shift, [OFF])
         try:
-            (state,) = line.read(PROFILE_STATE)
+            (state,) = self._line.read(PROFILE_STATE)
             if state in PROFILE_ACTIVE:  # a profile has the last word on every loop
-                line.write(PROFILE_ACTION, [TERMINATE])
-                line.write(MODE + self._shift, [OFF])
+                self._line.write(PROFILE_ACTION, [TERMINATE])
+                self._line.write(MODE + self._shift, [OFF])
         except ModbusRefusal:
             pass  # a controller without profiles
 
@@ -263,19 +262,19 @@ class WatlowF4T(WatlowChamber):
         """Switch heater and compressor off at once, and wait for no answer."""
         self._line.tell(MODE + self._shift, OFF)
 
-    def _output(self, line: RegisterLine) -> tuple[bool, float]:
-        (mode,) = line.read(MODE_NOW + self._shift)
-        return mode != OFF, self._number(POWER, line)
+    def _output(self) -> tuple[bool, float]:
+        (mode,) = self._line.read(MODE_NOW + self._shift)
+        return mode != OFF, self._number(POWER)
 
-    def _troubles(self, line: RegisterLine) -> list[str]:
+    def _troubles(self) -> list[str]:
         troubles = []
         for n in range(self._alarms):
-            (state,) = line.read(FIRST_ALARM + PER_ALARM * n)
+            (state,) = self._line.read(FIRST_ALARM + PER_ALARM * n)
             if state not in QUIET_ALARMS:
                 troubles.append(f"alarm {n + 1} is on ({ALARMS.get(state, state)})")
         for module in self._limits:
             state, status, error = (
-                line.read(address + PER_LIMIT * (module - 1))[0]
+                self._line.read(address + PER_LIMIT * (module - 1))[0]
                 for address in (LIMIT_STATE, LIMIT_STATUS, LIMIT_ERROR)
             )
             if state == ERROR or status == FAIL or error != NONE:
@@ -311,8 +310,8 @@ class WatlowF4T(WatlowChamber):
     def _ramp_goes(self) -> bool:
         return abs(self._number(STANDS_AT) - self._number(TARGET)) > ARRIVED_K
 
-    def _number(self, address: int, line: RegisterLine | None = None) -> float:
-        return self.registers.number(address + self._shift, line)
+    def _number(self, address: int) -> float:
+        return self.registers.number(address + self._shift)
 
     def _write(self, address: int, value: float) -> None:
         self.registers.write_number(address + self._shift, value)

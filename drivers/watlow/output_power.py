@@ -32,6 +32,7 @@ from drivers.watlow.f4t import (
 )
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, quantity
+from station.roles.base import patience
 
 EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 SWITCHES_WITHIN_S = 1.0
@@ -115,9 +116,10 @@ class WatlowOutputPower(Driver):
                 )
             self.place.clock.sleep(LOOK_S)
 
+    @patience()
     def _state(self) -> int:
         try:
-            (state,) = self._registers.line.patient.read(self._output)
+            (state,) = self._registers.line.read(self._output)
         except ModbusRefusal as refusal:
             raise self._missing(refusal) from refusal
         self.place.publish("output", "on" if state == ON else "off")

@@ -19,6 +19,7 @@ from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer
 from station.instruments.opening import InstrumentPlace
+from station.roles.base import patience
 
 SETTINGS = ModbusSettings(baud_rate=19200)
 MODELS = ("f4t", "f4")
@@ -184,10 +185,10 @@ def test_frames_on_a_serial_line_are_kept_apart_by_silence() -> None:
 
 def test_on_the_way_to_rest_one_lost_answer_does_not_decide() -> None:
     fault = {"fault": "no-reply", "command": "write 2730", "count": 2}
-    with line("f4t", fault, repeatable=Repeatable(r"(read|write) \d+")) as (_, modbus):
-        modbus.patient.write(2730, [62])
-    with line("f4t") as (_, modbus):
-        error_of(lambda: modbus.patient.read(9999))
+    with line("f4t", fault, repeatable=Repeatable(r"(read|write) \d+")) as (_, modbus), patience():
+        modbus.write(2730, [62])
+    with line("f4t") as (_, modbus), patience():
+        error_of(lambda: modbus.read(9999))
 
 
 @pytest.mark.parametrize(

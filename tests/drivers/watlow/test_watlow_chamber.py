@@ -480,7 +480,7 @@ def test_cooling_is_negative_in_the_controller_and_its_magnitude_is_what_cools()
         (cools,) = driver._line.read(107)
         assert cools & 0x8000 and cools - 0x10000 < -1000
         assert driver._line.read(103) == [0]
-        _, percent = driver._output(driver._line)
+        _, percent = driver._output()
         assert percent == pytest.approx((cools - 0x10000) / 100, abs=1.0)
 
 
