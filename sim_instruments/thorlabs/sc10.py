@@ -101,7 +101,7 @@ class ThorlabsSc10(LineInstrument):
 
     def knows(self, command: str) -> bool:
         """Whether the controller has a command or a setting."""
-        return command in self._commands or command.removesuffix("?") in RANGES
+        return command in self._commands or command.removesuffix("?") in SETTINGS
 
     # The blade.
 
