@@ -232,12 +232,12 @@ class Acutrol3000(Driver):
         try:
             for state in table.axes.values():
                 table.brake(state)
-            table.patiently_look()
+            table.look()
             table.end_tasks()
             while table.turns() and self.place.clock.now() < deadline_s - STILL_S:
                 self.place.clock.sleep(LOOK_S)
-                table.patiently_look()
-            table.patiently_tell(":Mode ALL,Off")
+                table.look()
+            self._line.tell(":Mode ALL,Off")
         except InstrumentError:
             self.last_attempt()
             # It may have been heard though nothing is: until then nothing else goes on.
@@ -254,11 +254,11 @@ class Acutrol3000(Driver):
         """Read back that no axis turns, by rate and by two angles of each, and that all are off."""
         table, angles = self._table, []
         for _ in range(2):
-            self._line.proof.of(table.patiently_look)
+            self._line.proof.of(table.look)
             angles.append([state.count.angle_deg for state in table.axes.values()])
             self.place.clock.sleep(STILL_S)
         most_deg = self._settings.at_rest_deg_per_s * STILL_S + self._settings.in_position_deg
-        modes = self._line.proof.of(*(partial(table.patient_mode, n) for n in table.axes))
+        modes = self._line.proof.of(*(partial(self._line.mode, n) for n in table.axes))
         moved_deg = [abs(after - before) for before, after in zip(*angles, strict=True)]
         still = not table.turns() and max(moved_deg) <= most_deg
         axes = [
@@ -300,5 +300,4 @@ class Acutrol3000(Driver):
 
     def _interlock_broke(self) -> bool:
         asked = self._table.state_queries
-        states = self._line.repeated(";".join(asked), lambda: self._line.numbers(*asked))
-        return self._table.say_interlock(map(int, states))
+        return self._table.say_interlock(map(int, self._line.numbers(*asked)))

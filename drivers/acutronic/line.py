@@ -67,7 +67,7 @@ class AclLine:
             self._line = SerialLine(
                 place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable
             )
-        self.proof, self.repeated = self._line.proof, self._line.repeated
+        self.proof = self._line.proof
         self._free_s = -math.inf
 
     def query(self, message: str) -> str:
@@ -80,13 +80,16 @@ class AclLine:
     def numbers(self, *queries: str) -> list[float]:
         """Ask several queries in one message, answered from one servo frame, each by a number."""
         message = ";".join(queries)
+        return self._line.patiently(message, lambda: self._numbers(message, len(queries)))
+
+    def _numbers(self, message: str, expected: int) -> list[float]:
         answer = self.query(message)
         try:
             values = [float(text) for text in answer.split(";")]
         except ValueError:
             values = []
-        if len(values) != len(queries) or not all(map(math.isfinite, values)):
-            count = "a number belongs" if len(queries) == 1 else f"{len(queries)} numbers belong"
+        if len(values) != expected or not all(map(math.isfinite, values)):
+            count = "a number belongs" if expected == 1 else f"{expected} numbers belong"
             raise InstrumentError(
                 self._place.name,
                 f"sent {shortened(message)!r}",
@@ -105,6 +108,9 @@ class AclLine:
     def mode(self, axis: int) -> str:
         """Return the mode of an axis by its whole name, also where it is abbreviated."""
         message = f":Mode? {axis}"
+        return self._line.patiently(message, lambda: self._mode(message))
+
+    def _mode(self, message: str) -> str:
         answer = self.query(message)
         mode = whole_mode(answer)
         if not mode:
@@ -138,7 +144,7 @@ class AclLine:
 
     def tell(self, message: str) -> None:
         """Send a command whose refusal is no fault here."""
-        self._told(message)
+        self._line.patiently(message, lambda: self._told(message))
 
     def blindly(self, message: str) -> None:
         """Send a command and wait for no answer: a last attempt."""

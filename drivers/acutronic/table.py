@@ -178,9 +178,9 @@ class Table:
     def brake(self, state: AxisState) -> None:
         """Have an axis that may turn come to rest."""
         n = state.number
-        if self.patient_mode(n) not in ("Off", "Abort"):
-            self.patiently_tell(f":Demand:Rate {n},0")
-            self.patiently_tell(f":Mode {n},Rate")
+        if self._line.mode(n) not in ("Off", "Abort"):
+            self._line.tell(f":Demand:Rate {n},0")
+            self._line.tell(f":Mode {n},Rate")
 
     def end_tasks(self) -> None:
         """Take it that all axes brake since the last look and have nothing else to do."""
@@ -260,18 +260,6 @@ class Table:
             f"it is not done long after it should be; it turns at {state.rate:.4f} deg/s",
             "look whether something blocks it, then home it again",
         )
-
-    def patiently_look(self) -> None:
-        """Look, where one lost answer must not decide."""
-        self._line.repeated(self._reads[0], self.look)
-
-    def patiently_tell(self, message: str) -> None:
-        """Send a command whose refusal does not matter, where one lost answer must not decide."""
-        self._line.repeated(message, lambda: self._line.tell(message))
-
-    def patient_mode(self, n: int) -> str:
-        """Return the mode of an axis, where one lost answer must not decide."""
-        return self._line.repeated(f":Mode? {n}", lambda: self._line.mode(n))
 
     def brakes_within_s(self) -> float:
         """Return the time in which the fastest axis that the bench allows comes to rest."""

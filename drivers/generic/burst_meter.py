@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.transport.line import odd
-from drivers.transport.visa_line import ERROR_QUERY, PatientLine, ScpiDriver, ScpiLine, VisaSettings
+from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place
+from station.roles.patience import patience
 
 MAX_READINGS = 10_000
 """In a burst."""
@@ -65,15 +66,15 @@ class BurstMeter(ScpiDriver):
         """Set range, integration time and auto-zero of the function, and read them back."""
 
     @abstractmethod
-    def _initiate(self, line: ScpiLine | PatientLine, readings: int) -> None:
+    def _initiate(self, readings: int) -> None:
         """Begin a burst whatever it does now, and forget older readings; returns at once."""
 
     @abstractmethod
-    def _looked(self, line: ScpiLine | PatientLine) -> tuple[bool, int]:
+    def _looked(self) -> tuple[bool, int]:
         """Return whether it measures, and how many readings it has."""
 
     @abstractmethod
-    def _read_out(self, line: ScpiLine | PatientLine, readings: int) -> NDArray[np.float64]:
+    def _read_out(self, readings: int) -> NDArray[np.float64]:
         """Return the readings that it has, which stay in its memory."""
 
     @abstractmethod
@@ -127,7 +128,7 @@ class BurstMeter(ScpiDriver):
                 "begin a burst", "no range was chosen yet", "configure it before its first burst"
             )
         with self._turn:
-            self._go(self._line, readings)
+            self._go(readings)
             self._pending = readings
 
     def _values(self) -> NDArray[np.float64] | None:
@@ -136,11 +137,12 @@ class BurstMeter(ScpiDriver):
             raise self.error(
                 "fetch a burst", "none was begun since the last one", "begin one before"
             )
-        values = self._taken(self._line, self._pending)
+        values = self._taken(self._pending)
         if values is not None:
             self._pending = 0
         return values
 
+    @patience()
     def _value_now(self) -> float | None:
         """Return what is at the input now; None before a range was chosen, or a reading made.
 
@@ -152,11 +154,11 @@ class BurstMeter(ScpiDriver):
         with self._turn:
             if self._pending:
                 return self._last()
-            self._go(self._line.patient, 1)
+            self._go(1)
             while True:
                 look_s = min(self._reading_s + BETWEEN_READINGS_S, MAX_LOOK_S)
                 self.place.clock.sleep(look_s)
-                values = self._taken(self._line.patient, 1)
+                values = self._taken(1)
                 if values is not None:
                     return float(values[0])
 
@@ -174,13 +176,13 @@ class BurstMeter(ScpiDriver):
             do_now or advice,
         )
 
-    def _go(self, line: ScpiLine | PatientLine, readings: int) -> None:
-        self._initiate(line, readings)
+    def _go(self, readings: int) -> None:
+        self._initiate(readings)
         self._began_s = self.place.clock.now()
 
-    def _taken(self, line: ScpiLine | PatientLine, readings: int) -> NDArray[np.float64] | None:
+    def _taken(self, readings: int) -> NDArray[np.float64] | None:
         """Return the readings once the instrument has them all."""
-        measures, points = self._looked(line)
+        measures, points = self._looked()
         if measures:
             expected_s = readings * (self._reading_s + BETWEEN_READINGS_S)
             took_s = self.place.clock.now() - self._began_s
@@ -198,7 +200,7 @@ class BurstMeter(ScpiDriver):
                 f"it ended with {points} in its memory",
                 "check that nobody else uses the instrument, then measure again",
             )
-        return self._read_out(line, readings)
+        return self._read_out(readings)
 
     def _line_frequency_Hz(self) -> float:
         found_Hz = self._line.number("SYST:LFR?")

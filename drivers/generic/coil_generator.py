@@ -26,6 +26,7 @@ from drivers.transport.line import shortened
 from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Place, SafetyReading, quantity
+from station.roles.patience import patience
 
 CHANNELS = (1, 2)
 STATES = {"0": False, "OFF": False, "1": True, "ON": True}
@@ -174,8 +175,8 @@ class CoilGenerator(ScpiDriver):
         """
         self._forget()
         try:
-            self._line.patient.query(f"*CLS;{ERROR_QUERY}")
-            self._line.patient.command(self._off())
+            self._line.query(f"*CLS;{ERROR_QUERY}")
+            self._line.command(self._off())
             (outputs,) = self._line.proof.of(self._outputs)
             on = [channel for channel, is_on in outputs.items() if is_on]
             if on:
@@ -236,8 +237,9 @@ class CoilGenerator(ScpiDriver):
             off = "and the channel was switched off"
             self._forget(channel)
             try:
-                self._line.patient.query(f"*CLS;{ERROR_QUERY}")
-                self._line.patient.command(self._messages[channel].switch(on=False))
+                with patience():
+                    self._line.query(f"*CLS;{ERROR_QUERY}")
+                    self._line.command(self._messages[channel].switch(on=False))
                 self._outputs()
             except InstrumentError:
                 off = "and the channel could not be switched off"
@@ -261,10 +263,11 @@ class CoilGenerator(ScpiDriver):
                     "halves every voltage",
                 )
 
+    @patience()
     def _outputs(self) -> dict[int, bool]:
         """Return which outputs are on, and publish whether any is."""
         question = joined(*(messages.output for messages in self._messages.values()))
-        answers = self._line.patient.query(question).split(";")
+        answers = self._line.query(question).split(";")
         if len(answers) != len(CHANNELS) or not set(answers) <= set(STATES):
             raise self._odd(question, ";".join(answers))
         outputs = {

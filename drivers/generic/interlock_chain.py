@@ -40,6 +40,7 @@ from drivers.transport.visa_line import ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, quantity
 from station.roles.interlock_chain import SeesContacts
+from station.roles.patience import patience
 
 STATES = {"CLOSED": "closed", "OPEN": "open"}
 
@@ -68,7 +69,7 @@ class InterlockChainLine(ScpiDriver):
 
     def open_contacts(self) -> tuple[str, ...]:
         """Return the names of the contacts that are open."""
-        answer = self._line.patient.query("CHAIN:LIST?").strip()
+        answer = self._line.query("CHAIN:LIST?").strip()
         names = tuple(name.strip() for name in answer.split(",") if name.strip())
         return () if names == ("NONE",) else names
 
@@ -80,8 +81,9 @@ class InterlockChainLine(ScpiDriver):
         return ""
 
     @quantity("chain")
+    @patience()
     def _state(self) -> str:
-        answer = self._line.patient.query("CHAIN?").strip()
+        answer = self._line.query("CHAIN?").strip()
         state = STATES.get(answer)
         if state is None:
             raise self.error(

@@ -43,7 +43,6 @@ from numpy.typing import NDArray
 from drivers.generic.burst_meter import Function
 from drivers.generic.voltmeter import Voltmeter
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import PatientLine, ScpiLine
 
 RANGES_V = (0.1, 1.0, 10.0, 100.0, 1000.0)
 INTEGRATION_CYCLES = (0.0005, 0.001, 0.01, 0.1, 0.2, 1.0, 2.0, 5.0, 10.0, 12.0)
@@ -115,38 +114,37 @@ class KeithleyDmm6500(Voltmeter):
                 "check that nobody works at its front panel, then run again",
             )
 
-    def _initiate(self, line: ScpiLine | PatientLine, readings: int) -> None:
+    def _initiate(self, readings: int) -> None:
         loop = f'TRIG:LOAD "SimpleLoop",{readings},0,{BUFFER}'
-        line.command(f"ABOR;:TRAC:CLE {BUFFER};:{loop};:INIT")
+        self._line.command(f"ABOR;:TRAC:CLE {BUFFER};:{loop};:INIT")
 
-    def _looked(self, line: ScpiLine | PatientLine) -> tuple[bool, int]:
+    def _looked(self) -> tuple[bool, int]:
         question = "TRIG:STAT?"
-        answer = line.query(question)
+        answer = self._line.query(question)
         state = answer.partition(";")[0].strip().upper()
         if state not in RUNNING + STOPPED:
             raise self._odd(question, answer)
-        return state in RUNNING, self._count(line)
+        return state in RUNNING, self._count()
 
-    def _read_out(self, line: ScpiLine | PatientLine, readings: int) -> NDArray[np.float64]:
+    def _read_out(self, readings: int) -> NDArray[np.float64]:
         firsts = range(1, readings + 1, PIECE)
-        pieces = [self._part(line, first, min(first + PIECE - 1, readings)) for first in firsts]
+        pieces = [self._part(first, min(first + PIECE - 1, readings)) for first in firsts]
         return np.concatenate(pieces)
 
     def _last(self) -> float | None:
-        line = self._line.patient
-        count = self._count(line)
-        return float(self._part(line, count, count)[0]) if count else None
+        count = self._count()
+        return float(self._part(count, count)[0]) if count else None
 
-    def _count(self, line: ScpiLine | PatientLine) -> int:
+    def _count(self) -> int:
         question = f"TRAC:ACT? {BUFFER}"
-        answer = line.query(question)
+        answer = self._line.query(question)
         if not answer.strip().isdigit():
             raise self._odd(question, answer)
         return int(answer)
 
-    def _part(self, line: ScpiLine | PatientLine, first: int, last: int) -> NDArray[np.float64]:
+    def _part(self, first: int, last: int) -> NDArray[np.float64]:
         question = f"TRAC:DATA? {first},{last},{BUFFER},READ"
-        return self._readings(question, line.query(question), last - first + 1)
+        return self._readings(question, self._line.query(question), last - first + 1)
 
 
 def same(wanted: str, has: str) -> bool:

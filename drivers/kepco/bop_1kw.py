@@ -65,7 +65,7 @@ class KepcoBop1kW(KepcoSupply):
     def make_safe(self, deadline_s: float) -> None:
         """Take the output over, then bring the current to zero and switch the output off."""
         with suppress(InstrumentError):  # one that takes no command may still be switched off
-            self._line.patient.query(f"SYST:REM ON;{ERROR_QUERY}")
+            self._line.query(f"SYST:REM ON;{ERROR_QUERY}")
         super().make_safe(deadline_s)
 
     def last_attempt(self) -> None:

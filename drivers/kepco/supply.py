@@ -174,9 +174,9 @@ class KepcoSupply(SteadyCurrent):
         """
         try:
             # What was refused before must not be taken for a refusal of what follows.
-            self._line.patient.query(f"*CLS;{ERROR_QUERY}")
+            self._line.query(f"*CLS;{ERROR_QUERY}")
             self._ramp_to_zero(deadline_s)
-            self._line.patient.command("OUTP OFF")
+            self._line.command("OUTP OFF")
             self.place.publish("output", "off")
         except InstrumentError:
             with suppress(InstrumentError):
@@ -193,7 +193,7 @@ class KepcoSupply(SteadyCurrent):
         if self._line.proof.of(self._list_runs) == [True]:
             self._leave_list(deadline_s)
         present_A, set_A = self._line.proof.of(
-            self._sure_current_A, lambda: set_point_A(self._line.patient.number)
+            self._sure_current_A, lambda: set_point_A(self._line.number)
         )
         if abs(set_A) > self._ramp_step_A or self._stood_still:
             # What it drives follows what is commanded, also where it reads back something else:
@@ -205,9 +205,9 @@ class KepcoSupply(SteadyCurrent):
         # made its step, or its last command was lost.
         clock.sleep(STEP_S)
         for step in range(steps, 0, -1):
-            self._line.patient.command(f"CURR {present_A * step / steps:.4f}")
+            self._line.command(f"CURR {present_A * step / steps:.4f}")
             clock.sleep(STEP_S)
-        self._line.patient.command("CURR:MODE FIX;:CURR 0")
+        self._line.command("CURR:MODE FIX;:CURR 0")
         while abs(self._sure_current_A()) > self._zero_A and clock.now() < deadline_s:
             clock.sleep(SETTLE_S)
 
@@ -261,22 +261,22 @@ class KepcoSupply(SteadyCurrent):
                 tries -= 1
                 if self._line.proof.of(self._list_runs) == [False]:
                     return None
-        return self._line.patient.command(LEAVE_LIST)
+        return self._line.command(LEAVE_LIST)
 
     def _list_runs(self) -> bool:
-        return list_runs(self._line.patient.number(OPERATION))
+        return list_runs(self._line.number(OPERATION))
 
     @quantity("current", "A")
     def _sure_current_A(self) -> float:
-        return self._line.patient.number("MEAS:CURR?")
+        return self._line.number("MEAS:CURR?")
 
     @quantity("voltage", "V")
     def _voltage_V(self) -> float:
-        return self._line.patient.number("MEAS:VOLT?")
+        return self._line.number("MEAS:VOLT?")
 
     @quantity("output", states=("on", "off"))
     def _output_is_on(self) -> bool:
-        return self._line.patient.number("OUTP?") != 0
+        return self._line.number("OUTP?") != 0
 
 
 def list_runs(operation: float) -> bool:

@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from drivers.generic.burst_meter import NO_READING, BurstMeter
 from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import PatientLine, ScpiLine
 from station.roles import Identity, Place
 
 INTEGRATION_CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)
@@ -100,23 +99,23 @@ class TruevoltMeter(BurstMeter):
                 )
         self._known = True
 
-    def _initiate(self, line: ScpiLine | PatientLine, readings: int) -> None:
+    def _initiate(self, readings: int) -> None:
         # ABOR: where the answer to an INIT was lost, it measures already and would refuse another.
-        line.command(f"ABOR;:SAMP:COUN {readings};:INIT")
+        self._line.command(f"ABOR;:SAMP:COUN {readings};:INIT")
 
-    def _looked(self, line: ScpiLine | PatientLine) -> tuple[bool, int]:
+    def _looked(self) -> tuple[bool, int]:
         question = "STAT:OPER:COND?;:DATA:POIN?"
-        answer = line.query(question)
+        answer = self._line.query(question)
         try:
             condition, points = (int(part) for part in answer.split(";"))
         except ValueError:
             raise self._odd(question, answer) from None
         return bool(condition & STILL_AT_IT), points
 
-    def _read_out(self, line: ScpiLine | PatientLine, readings: int) -> NDArray[np.float64]:
-        return self._readings("FETC?", line.query("FETC?"), readings)
+    def _read_out(self, readings: int) -> NDArray[np.float64]:
+        return self._readings("FETC?", self._line.query("FETC?"), readings)
 
     def _last(self) -> float | None:
-        answer = self._line.patient.query("DATA:LAST?")
+        answer = self._line.query("DATA:LAST?")
         value = float(self._numbers("DATA:LAST?", answer.split(" ")[0])[0])
         return None if abs(value) >= NO_READING * 0.9999 else value

@@ -35,6 +35,7 @@ from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place, SafetyReading, quantity
+from station.roles.patience import patience
 
 RATINGS = {1: (6.0, 5.0), 2: (25.0, 1.0), 3: (25.0, 1.0)}
 """V and A of each output (data sheet 5992-2124EN)."""
@@ -150,8 +151,8 @@ class KeysightE36312A(ScpiDriver):
         Where that fails, a last attempt switches it off at once, and the error is raised.
         """
         try:
-            self._line.patient.query(f"*CLS;{ERROR_QUERY}")
-            self._line.patient.command(f"OUTP OFF,{self._at}")
+            self._line.query(f"*CLS;{ERROR_QUERY}")
+            self._line.command(f"OUTP OFF,{self._at}")
             reading = self.read_safety()
             if not reading.safe:
                 raise self.error(
@@ -235,22 +236,24 @@ class KeysightE36312A(ScpiDriver):
             "check the device and its cable for a short before it is switched on again",
         )
 
+    @patience()
     def _cut(self) -> None:
         """Switch the output off, whatever comes back."""
         try:
-            self._line.patient.command(f"OUTP OFF,{self._at}")
+            self._line.command(f"OUTP OFF,{self._at}")
             self._asked()
         except InstrumentError:
             with suppress(InstrumentError):
                 self.last_attempt()
 
+    @patience()
     def _asked(self) -> Look:
         """Return what one exchange says, and publish it."""
         question = (
             f"MEAS:VOLT? {self._at};:MEAS:CURR? {self._at};:OUTP? {self._at}"
             f";:CURR:PROT:TRIP? {self._at};:VOLT:PROT:TRIP? {self._at}"
         )
-        answer = self._line.patient.query(question)
+        answer = self._line.query(question)
         try:
             volts, amperes, *states = answer.split(";")
             on, current_trip, voltage_trip = (ON[state.strip().upper()] for state in states)

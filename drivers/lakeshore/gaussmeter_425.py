@@ -40,6 +40,7 @@ from drivers.transport.text_line import SerialLine
 from station.errors import InputError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place, published, quantity
+from station.roles.patience import patience
 
 PAUSE_S = 0.03
 RANGES_T = (3.5e-3, 35e-3, 0.35, 3.5)
@@ -162,10 +163,11 @@ class Lakeshore425(Driver):
         x_mT, y_mT, z_mT = (field_mT if axis == self._axis else math.nan for axis in AXES)
         return x_mT, y_mT, z_mT
 
+    @patience()
     def _now_T(self) -> float:
         if not self._gives_tesla:
             self._prepare()
-        return self._line.repeated("RDGFIELD?", self._newest)[0]
+        return self._line.patiently("RDGFIELD?", self._newest)[0]
 
     def _prepare(self) -> None:
         self._keep("UNIT", TESLA)
@@ -178,7 +180,7 @@ class Lakeshore425(Driver):
         self.kept.set(
             name,
             value,
-            lambda: self._line.repeated(query, lambda: self._ask(query)).replace(" ", ""),
+            lambda: self._ask(query).replace(" ", ""),
             lambda text: self._set(f"{name} {text}", query, text),
         )
 
@@ -189,7 +191,7 @@ class Lakeshore425(Driver):
             self._tell(command)
             self._check(f"sent {command!r}", query, self._ask(query), wanted)
 
-        self._line.repeated(command, exchange)
+        self._line.patiently(command, exchange)
 
     def _check(self, attempted: str, query: str, answer: str, wanted: str) -> None:
         """Raise InstrumentError where an answer does not begin as wanted."""

@@ -34,6 +34,7 @@ from drivers.transport.retry import Repeatable
 from drivers.transport.visa_line import ScpiDriver, VisaSettings
 from station.fields import Second
 from station.roles import Block, Identity, Place, quantity
+from station.roles.patience import patience
 
 READING_PERIOD_S = 0.01
 SAME = 0.05
@@ -115,12 +116,13 @@ class LakeshoreF71(ThreeAxes, ScpiDriver):
         The buffer, which a step may be recording, stays as it is.
         """
         self._give_tesla()
-        return in_mT(self._line.patient.number("FETC:DC?"))
+        return in_mT(self._line.number("FETC:DC?"))
 
+    @patience()
     def field_now_mT(self) -> tuple[float, float, float]:
         """Return the components of the field now; infinite beyond the range. The buffer stays."""
         self._give_tesla()
-        ask = self._line.patient.number
+        ask = self._line.number
         return in_mT(ask("FETC:DC? X")), in_mT(ask("FETC:DC? Y")), in_mT(ask("FETC:DC? Z"))
 
     def _give_tesla(self) -> None:
@@ -132,22 +134,22 @@ class LakeshoreF71(ThreeAxes, ScpiDriver):
 
     def _as(self, header: str) -> tuple[Callable[[], str], Callable[[str], None]]:
         """Return what reads a setting, and what writes it."""
-        patient = self._line.patient
         return (
-            lambda: patient.query(f"{header}?").strip(),
-            lambda text: patient.command(f"{header} {text}"),
+            lambda: self._line.query(f"{header}?").strip(),
+            lambda text: self._line.command(f"{header} {text}"),
         )
 
     def _keep(self, header: str, value: str) -> None:
         """Set what may outlast the run, so that it can be put back."""
         self.kept.set(header, value, *self._as(header))
 
+    @patience()
     def _look_at_order(self) -> None:
         """Note once in which order `ALL` comes: as x, y, z do that are asked singly."""
         if self._order_known:
             return
         self._order_known = True
-        ask = self._line.patient.query
+        ask = self._line.query
         every = [float(text) for text in ask("FETC:DC? ALL").split(",")]
         singly = [float(ask(f"FETC:DC? {axis}")) for axis in "XYZ"]
         near = max(map(abs, singly)) * SAME

@@ -245,8 +245,8 @@ class NewportEsp301(Driver):
         stop = self._of_axis("ST")
         try:
             # What was refused before is no refusal of this: that it stands is what is read back.
-            self._line.repeated(stop, lambda: self._line.query(f"{stop};TB?"))
-            while self._surely("MD?") == 0 and self.place.clock.now() < deadline_s - STILL_S:
+            self._line.patiently(stop, lambda: self._line.query(f"{stop};TB?"))
+            while self._number("MD?") == 0 and self.place.clock.now() < deadline_s - STILL_S:
                 self.place.clock.sleep(LOOK_S)
         except InstrumentError:
             with suppress(InstrumentError):
@@ -262,12 +262,12 @@ class NewportEsp301(Driver):
 
     def read_safety(self) -> SafetyReading:
         """Read back whether the movement is over, and from two readings that the angle stays."""
-        (first_deg,) = self._line.proof.of(lambda: self._surely("TP?"))
+        (first_deg,) = self._line.proof.of(lambda: self._number("TP?"))
         self.place.clock.sleep(STILL_S)
         angle_deg, done, motor_on = self._line.proof.of(
-            lambda: self._surely("TP?"),
-            lambda: self._surely("MD?") != 0,
-            lambda: self._surely("MO?") != 0,
+            lambda: self._number("TP?"),
+            lambda: self._number("MD?") != 0,
+            lambda: self._number("MO?") != 0,
         )
         rate = (angle_deg - first_deg) / STILL_S
         still = abs(angle_deg - first_deg) <= self._in_position_deg
@@ -322,11 +322,6 @@ class NewportEsp301(Driver):
 
     def _number(self, query: str) -> float:
         return self._line.number(self._of_axis(query))
-
-    def _surely(self, query: str) -> float:
-        """Return a number on the way to rest, where one lost answer must not decide."""
-        message = self._of_axis(query)
-        return self._line.repeated(message, lambda: self._line.number(message))
 
     def _of_axis(self, command: str) -> str:
         return f"{self._axis}{command}"

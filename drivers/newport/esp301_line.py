@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from drivers.transport.line import number_of, odd, shortened
+from drivers.transport.line import odd, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import SerialSettings
 from drivers.transport.text_line import SerialLine
@@ -57,10 +57,6 @@ class EspLine(SerialLine):
     ) -> None:
         self._axis = axis
         super().__init__(place, settings, ignores_empty=True, repeatable=repeatable, identity="VE?")
-
-    def number(self, message: str) -> float:
-        """Return the answer to a query as a finite number; anything else is InstrumentError."""
-        return number_of(self._place.name, message, self.query(message))
 
     def command(self, message: str, *, but_for: Collection[int] = ()) -> int:
         """Send a command and ask for an error in the same line; a reported one is raised.

@@ -186,7 +186,7 @@ class RedPitaya(Driver):
     def make_safe(self, deadline_s: float) -> None:
         """Drive the trigger output low, so that nothing that listens goes on."""
         try:
-            self._line.repeated(f"DIG:PIN {OUTPUT},0", self._low)
+            self._line.patiently(f"DIG:PIN {OUTPUT},0", self._low)
         except InstrumentError:
             # It may obey though nobody understands its answers.
             with suppress(InstrumentError):
@@ -200,8 +200,8 @@ class RedPitaya(Driver):
     def read_safety(self) -> SafetyReading:
         """Read back whether the trigger output is an output, and low."""
         way, level = self._line.proof.of(
-            lambda: self._surely(f"DIG:PIN:DIR? {OUTPUT}", self._word),
-            lambda: self._surely(f"DIG:PIN? {OUTPUT}", self._word),
+            lambda: self._word(f"DIG:PIN:DIR? {OUTPUT}"),
+            lambda: self._word(f"DIG:PIN? {OUTPUT}"),
         )
         words = {"0": "low", "1": "high"}
         return SafetyReading(
@@ -264,7 +264,7 @@ class RedPitaya(Driver):
 
     def _surely(self, question: str, ask: Callable[[str], Answer]) -> Answer:
         """Ask what does no harm twice, where one lost answer must not decide."""
-        return self._line.repeated(question, lambda: ask(question))
+        return self._line.patiently(question, lambda: ask(question))
 
     def _word(self, question: str) -> str:
         return self._line.query(question).strip()

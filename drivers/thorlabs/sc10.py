@@ -34,7 +34,7 @@ from drivers.transport.text_line import SerialLine
 from station.errors import InstrumentError
 from station.fields import Second
 from station.roles import Driver, Identity, LightSettings, Place, SafetyReading, quantity
-from station.roles.base import PATIENT
+from station.roles.patience import PATIENT
 
 MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
 UNTOLD = "untold"

@@ -18,11 +18,11 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from drivers.transport.line import AnswerInDoubt, ExchangeLine, LineBroken, TooLate, shortened
-from drivers.transport.retry import MESSAGES_KEPT, NEVER, Proof, Repeatable, repeated
+from drivers.transport.retry import MESSAGES_KEPT, NEVER, Proof, Repeatable, patiently
 from drivers.transport.serial_port import Port
 from station.errors import InstrumentError, reason_of
 from station.roles import EXCHANGE_DEADLINE_S, TRIES, Place
-from station.roles.base import ANSWER_TIME, PATIENT
+from station.roles.base import ANSWER_TIME
 
 Answer = TypeVar("Answer")
 
@@ -78,13 +78,11 @@ class ExchangePort(ExchangeLine, ABC):
             self._traced("-", b"closed")
         self._disconnect()
 
-    def repeated(self, message: str, exchange: Callable[[], Answer]) -> Answer:
-        """Return what an exchange of `message` brings, tried three times if it is repeatable."""
-        return repeated(self._repeatable, message, exchange)
-
-    def patiently(self, message: str, exchange: Callable[[], Answer]) -> Answer:
-        """Return what an exchange brings, `repeated` where one lost answer must not decide."""
-        return self.repeated(message, exchange) if PATIENT.get() else exchange()
+    def patiently(
+        self, message: str, exchange: Callable[[], Answer], *, now: bool = False
+    ) -> Answer:
+        """Return what an exchange of `message` brings, by `retry.patiently`; `now` it goes once."""
+        return exchange() if now else patiently(self._repeatable, message, exchange)
 
     @abstractmethod
     def echoes_identity(self) -> bool:

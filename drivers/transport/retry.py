@@ -17,6 +17,7 @@ from typing import Any, Protocol, TypeVar
 
 from station.errors import InstrumentError
 from station.roles import TRIES, Place
+from station.roles.patience import PATIENT, patience
 
 Answer = TypeVar("Answer")
 
@@ -54,13 +55,17 @@ NEVER = Repeatable(r"(?!)")
 """Nothing may be sent twice."""
 
 
-def repeated(repeatable: Repeatable, message: str, exchange: Callable[[], Answer]) -> Answer:
-    """Return what an exchange of `message` brings, tried three times before its error is believed.
+def patiently(repeatable: Repeatable, message: str, exchange: Callable[[], Answer]) -> Answer:
+    """Return what an exchange of `message` brings.
 
-    One that is not repeatable is tried once.
+    Where one lost answer must not decide (`patience`) and the message is repeatable, the exchange
+    is tried three times, as a whole, before its error is believed.
     """
-    for _ in range(TRIES - 1 if message in repeatable else 0):
-        with suppress(InstrumentError):
+    if PATIENT.get() and message in repeatable:
+        with patience(granted=False):
+            for _ in range(TRIES - 1):
+                with suppress(InstrumentError):
+                    return exchange()
             return exchange()
     return exchange()
 

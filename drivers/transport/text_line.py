@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from drivers.transport.exchange_port import ExchangePort
-from drivers.transport.line import shortened
+from drivers.transport.line import number_of, shortened
 from drivers.transport.retry import NEVER, Repeatable
 from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_address
 from station.errors import InstrumentError
@@ -46,10 +46,13 @@ class TextLine(ExchangePort):
         Raises InstrumentTimeout when no complete answer comes within the deadline of its kind, and
         TooLate, with nothing sent, where one that is due `now` meets a line out of step.
         """
-        answer = self._exchange(message, lambda port: self._once(port, message), now=now)
-        if message == self._identity_question and any(map(str.isalpha, answer)):
-            self._identity = answer
-        return answer
+        return self.patiently(message, lambda: self._answer(message, now), now=now)
+
+    def number(self, message: str) -> float:
+        """Return the answer to `message` as a finite number; anything else is InstrumentError."""
+        return self.patiently(
+            message, lambda: number_of(self._place.name, message, self.query(message))
+        )
 
     def write(self, message: str) -> None:
         """Send `message`, which has no answer; whatever lies on the line, it is sent."""
@@ -80,6 +83,12 @@ class TextLine(ExchangePort):
     def _who(self) -> str:
         question = self._identity_question
         return self._exchange(question, lambda port: self._once(port, question))
+
+    def _answer(self, message: str, now: bool) -> str:
+        answer = self._exchange(message, lambda port: self._once(port, message), now=now)
+        if message == self._identity_question and any(map(str.isalpha, answer)):
+            self._identity = answer
+        return answer
 
     def _once(self, port: Port, message: str) -> str:
         self._write(port, message)

@@ -22,7 +22,6 @@ from pyvisa import constants
 from drivers.transport.line import (
     errors_until_none,
     identification,
-    number_of,
     numbers_of,
     shortened,
 )
@@ -186,7 +185,7 @@ class ScpiLine(VisaLine):
     """A VISA line whose instrument keeps an error queue that is asked in the same message.
 
     `error_query` is appended to each command; an empty queue answers with `no_error`, a regular
-    expression. `patient` is this line where one lost answer must not decide.
+    expression.
     """
 
     def __init__(
@@ -202,13 +201,16 @@ class ScpiLine(VisaLine):
         super().__init__(place, answer_end=answer_end, repeatable=repeatable, deadlines=deadlines)
         self._error_query = error_query
         self._no_error = re.compile(no_error)
-        self.patient = PatientLine(self)
 
     def command(self, message: str, *, now: bool = False) -> None:
         """Send a command and read the error queue in one exchange; a refusal is InstrumentError.
 
         One that is due `now` raises TooLate, with nothing sent, where the line is out of step.
         """
+
+        self.patiently(message, lambda: self._command(message, now), now=now)
+
+    def _command(self, message: str, now: bool) -> None:
         answer = self.query(f"{message};{self._error_query}", now=now)
         if not self._no_error.match(answer):
             raise self.refused(message, answer)
@@ -226,10 +228,6 @@ class ScpiLine(VisaLine):
         """Take the oldest error, or all, from the queue; empty where there is none."""
         answer = self.query(self._error_query)
         return "" if self._no_error.match(answer) else answer
-
-    def number(self, message: str) -> float:
-        """Return the answer to `message` as a finite number; anything else is InstrumentError."""
-        return number_of(self._place.name, message, self.query(message))
 
     def numbers(self, message: str) -> list[float]:
         """Return the finite numbers of an answer, between commas; an empty answer has none."""
@@ -265,22 +263,3 @@ class ScpiDriver(Driver):
     def take_errors(self) -> list[str]:
         """Return the errors that it keeps, the oldest first, and leave its queue empty."""
         return errors_until_none(self.place.name, self._line.next_error)
-
-
-class PatientLine:
-    """A line on which everything repeatable is tried three times before its error is believed."""
-
-    def __init__(self, line: ScpiLine) -> None:
-        self._line = line
-
-    def query(self, message: str) -> str:
-        """Send `message` and return the answer without its end."""
-        return self._line.repeated(message, lambda: self._line.query(message))
-
-    def command(self, message: str) -> None:
-        """Send a command and read the error queue in one exchange; a refusal is InstrumentError."""
-        self._line.repeated(message, lambda: self._line.command(message))
-
-    def number(self, message: str) -> float:
-        """Return the answer to `message` as a finite number; anything else is InstrumentError."""
-        return self._line.repeated(message, lambda: self._line.number(message))

@@ -11,7 +11,7 @@ from typing import ClassVar
 from drivers.transport.modbus_line import ModbusLine
 from station.errors import InstrumentError
 from station.roles import Driver, Place, SafetyReading, published, quantity
-from station.roles.base import patience
+from station.roles.patience import patience
 
 MAX_AT_ONCE_K = 1.0
 SENSIBLE_DEGC = (-200.0, 500.0)

@@ -32,7 +32,7 @@ from drivers.watlow.f4t import (
 )
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, quantity
-from station.roles.base import patience
+from station.roles.patience import patience
 
 EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 SWITCHES_WITHIN_S = 1.0

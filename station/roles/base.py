@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar, cast, runtime_checkable
@@ -17,6 +16,7 @@ from station.clock import Clock
 from station.errors import InstrumentError, QuantityNotRead
 from station.fields import StrictModel, key_of
 from station.roles.kept_settings import KeptSettings
+from station.roles.patience import patience
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,18 +38,7 @@ NOTED_SHARE, NOTED_GROWTH = 0.1, 1.1
 """An answer time is noted beyond this share of its deadline, and again where it grows so much."""
 
 
-PATIENT = ContextVar("PATIENT", default=False)
-"""Whether one lost answer must not decide what this thread does now."""
-
-
-@contextmanager
-def patience() -> Iterator[None]:
-    """Let no lost answer decide until exit: a driver's way to rest, and its looks at a level."""
-    before = PATIENT.set(True)
-    try:
-        yield
-    finally:
-        PATIENT.reset(before)
+PATIENT_VERBS = ("make_safe", "read_safety", "open_contacts", "pause")
 
 
 class Exchanges:
@@ -269,7 +258,7 @@ class Driver:
     interlock; methods declared with `quantity` are entered by themselves. `wired_by` names the
     setting without which a quantity is not wired. A driver's line is its `_line`.
 
-    Its `make_safe`, `read_safety` and `read_quantity` have `patience`.
+    Its way to rest and its looks (`PATIENT_VERBS`, `read_quantity`) have `patience`.
 
     `deadline_s` is the run time in which its model answers any exchange; `deadlines` has that of
     what takes longer, by a regular expression that is searched for in the message. None is above
@@ -297,8 +286,9 @@ class Driver:
         cls.quantities = {**cls.quantities, **declared}
         if "make_safe" in vars(cls):
             cls.make_safe = _bounded(cls.make_safe)  # type: ignore[attr-defined]
-        if "read_safety" in vars(cls):
-            cls.read_safety = patience()(cls.read_safety)  # type: ignore[attr-defined]
+        for verb in PATIENT_VERBS:
+            if verb in vars(cls):
+                setattr(cls, verb, patience()(vars(cls)[verb]))
 
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
@@ -348,7 +338,7 @@ def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], 
 
     @wraps(make_safe)
     def bounded(driver: Driver, deadline_s: float) -> None:
-        with patience(), driver.place.exchanges.until(deadline_s):
+        with driver.place.exchanges.until(deadline_s):
             make_safe(driver, deadline_s)
 
     return bounded

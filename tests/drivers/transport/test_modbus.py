@@ -19,7 +19,7 @@ from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer
 from station.instruments.opening import InstrumentPlace
-from station.roles.base import patience
+from station.roles.patience import patience
 
 SETTINGS = ModbusSettings(baud_rate=19200)
 MODELS = ("f4t", "f4")

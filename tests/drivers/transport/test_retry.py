@@ -8,8 +8,9 @@ from drivers.generic.can_pulse_board import CanPulseBoard
 from drivers.generic.interlock_chain import InterlockChainLine
 from drivers.kepco.bop import KepcoBop, list_messages
 from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71
-from drivers.transport.retry import TRIES, Repeatable, repeated
+from drivers.transport.retry import TRIES, Repeatable, patiently
 from station.errors import InstrumentError
+from station.roles.patience import patience
 
 
 def test_a_pattern_is_for_one_whole_command() -> None:
@@ -63,9 +64,25 @@ def test_the_last_error_is_believed(message: str, tries: int) -> None:
         said.append(message)
         raise InstrumentError("it", "asked", f"no answer {len(said)} came", "look")
 
-    with pytest.raises(InstrumentError, match=f"no answer {tries} came"):
-        repeated(Repeatable("again"), message, exchange)
+    with patience(), pytest.raises(InstrumentError, match=f"no answer {tries} came"):
+        patiently(Repeatable("again"), message, exchange)
     assert len(said) == tries
+
+
+def test_where_nobody_is_patient_the_first_error_is_believed() -> None:
+    said: list[str] = []
+
+    def exchange() -> str:
+        said.append("again")
+        raise InstrumentError("it", "asked", "no answer came", "look")
+
+    with pytest.raises(InstrumentError):
+        patiently(Repeatable("again"), "again", exchange)
+    with patience(), pytest.raises(InstrumentError):  # an exchange within one is tried with it
+        patiently(
+            Repeatable("again"), "again", lambda: patiently(Repeatable("again"), "again", exchange)
+        )
+    assert len(said) == 1 + TRIES
 
 
 def test_what_is_no_fault_of_an_instrument_is_not_tried_again() -> None:
@@ -75,6 +92,6 @@ def test_what_is_no_fault_of_an_instrument_is_not_tried_again() -> None:
         said.append("again")
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        repeated(Repeatable("again"), "again", exchange)
+    with patience(), pytest.raises(KeyboardInterrupt):
+        patiently(Repeatable("again"), "again", exchange)
     assert len(said) == 1
