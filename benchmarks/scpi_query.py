@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from served_bench import served_bench
 
-from drivers.transport.visa_line import VisaLine
+from drivers.transport.text_line import VisaLine
 from station.clock import RealClock
 from station.instruments.opening import InstrumentPlace
 

@@ -45,8 +45,8 @@ from drivers.acutronic.axis import AclSettings, Doing
 from drivers.acutronic.limits import Limits
 from drivers.acutronic.line import AclLine
 from drivers.acutronic.table import Table
-from drivers.transport.line import not_this_model
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
+from drivers.transport.text_line import not_this_model
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, SafetyReading
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from drivers.transport.serial_port import SerialSettings
+from drivers.transport.ports import SerialSettings
 from station.fields import Degree, DegreePerSecond, Second
 
 TURN_DEG = 360.0

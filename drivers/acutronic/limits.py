@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 from drivers.acutronic.axis import AclSettings
 from drivers.acutronic.line import AclLine, agrees_within
-from drivers.transport.line import AnswerInDoubt, LineBroken, check_written
+from drivers.transport.exchanges import AnswerInDoubt, LineBroken
+from drivers.transport.text_line import check_written
 from station.errors import InstrumentError, InstrumentTimeout
 from station.roles import Place
 

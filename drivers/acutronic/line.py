@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 from drivers.acutronic.axis import AxisState
 from drivers.acutronic.prefix import PrefixedLine
-from drivers.transport.line import odd, shortened
-from drivers.transport.retry import NEVER, Repeatable
-from drivers.transport.serial_port import SerialSettings
-from drivers.transport.text_line import SerialLine
+from drivers.transport.exchanges import NEVER, Repeatable, shortened
+from drivers.transport.ports import SerialSettings
+from drivers.transport.text_line import SerialLine, TextLine, odd
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -62,7 +61,7 @@ class AclLine:
         self._place = place
         self._framed = framed
         if framed:
-            self._line: SerialLine = PrefixedLine(place, serial, met, repeatable)
+            self._line: TextLine = PrefixedLine(place, serial, met, repeatable)
         else:
             self._line = SerialLine(
                 place, serial, request_end="\r\n", answer_end="\n", repeatable=repeatable

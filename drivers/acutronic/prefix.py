@@ -7,10 +7,9 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers.transport.line import shortened
-from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import Port, SerialSettings
-from drivers.transport.text_line import ENCODING, SerialLine
+from drivers.transport.exchanges import Repeatable, shortened
+from drivers.transport.ports import Port, SerialSettings, serial_port
+from drivers.transport.text_line import ENCODING, TextLine
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -45,7 +44,7 @@ def prefix_of(answer: bytes) -> Prefix | None:
     return min((word for word in words if word.length <= LONGEST), default=None)
 
 
-class PrefixedLine(SerialLine):
+class PrefixedLine(TextLine):
     """Answers of known length behind a prefix; `query` returns code, a blank, and the text."""
 
     def __init__(
@@ -56,7 +55,8 @@ class PrefixedLine(SerialLine):
         repeatable: Repeatable,
     ) -> None:
         self._met = met
-        super().__init__(place, serial, request_end="\r\n", repeatable=repeatable)
+        port = serial_port(place.address, serial)
+        super().__init__(place, port, request_end="\r\n", answer_end="\r\n", repeatable=repeatable)
 
     def _is_whole(self, answer: bytes) -> bool:
         if len(answer) < PREFIX_BYTES:

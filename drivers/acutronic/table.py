@@ -19,7 +19,7 @@ from drivers.acutronic.line import (
     queries,
     wrong_rate,
 )
-from drivers.transport.line import errors_until_none
+from drivers.transport.text_line import errors_until_none
 from station.errors import InputError, InstrumentError
 from station.roles import Place
 

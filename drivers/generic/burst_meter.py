@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.transport.line import odd
-from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
+from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings, odd
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place

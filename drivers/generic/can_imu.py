@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from drivers.generic.nine_axis import ACCELEROMETERS, GYROS, MAGNETOMETERS, ROW, NineAxisSource
 from drivers.transport.can_messages import CanMessages, Parts
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.streaming import Commands
 from station.errors import InputError
 from station.roles import Identity, Place, SensorStatus

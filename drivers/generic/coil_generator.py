@@ -22,8 +22,8 @@ from drivers.generic.coil_generator_messages import (
     load_of,
     load_ohm,
 )
-from drivers.transport.line import shortened
-from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
+from drivers.transport.exchanges import shortened
+from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Place, SafetyReading, quantity
 from station.roles.patience import patience

@@ -34,9 +34,8 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from drivers.transport.line import shortened
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiDriver, VisaSettings
+from drivers.transport.exchanges import Repeatable, shortened
+from drivers.transport.text_line import ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Driver, Identity, Place, quantity
 from station.roles.interlock_chain import SeesContacts

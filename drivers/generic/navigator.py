@@ -13,7 +13,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.streaming import AnswerLine, Commands, StreamingDriver
 from station.errors import InputError
 from station.roles import Block, Identity, NavigatorStatus, Place

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.streaming import AnswerLine, Commands, StreamingDriver
 from station.errors import InstrumentError
 from station.roles import Block, Identity, Place

@@ -47,7 +47,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from drivers.generic.navigator import COMMANDS, RESULTS, InertialNavigator, Output
-from drivers.transport.serial_port import BaudRate, SerialSettings
+from drivers.transport.ports import BaudRate, SerialSettings
 from drivers.transport.serial_stream import (
     SerialStream,
     Split,

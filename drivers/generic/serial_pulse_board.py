@@ -45,7 +45,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from drivers.generic.pulse_board import PulseBoard, Sample
-from drivers.transport.serial_port import BaudRate, SerialSettings
+from drivers.transport.ports import BaudRate, SerialSettings
 from drivers.transport.serial_stream import (
     Numbering,
     SerialStream,

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from drivers.generic.burst_meter import Function
 from drivers.generic.voltmeter import Voltmeter
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 
 RANGES_V = (0.1, 1.0, 10.0, 100.0, 1000.0)
 INTEGRATION_CYCLES = (0.0005, 0.001, 0.01, 0.1, 0.2, 1.0, 2.0, 5.0, 10.0, 12.0)

@@ -18,8 +18,8 @@ from typing import ClassVar
 import numpy as np
 
 from drivers.kepco.supply import BEHIND_MODEL, KepcoSupply
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ERROR_QUERY
+from drivers.transport.exchanges import Repeatable
+from drivers.transport.text_line import ERROR_QUERY
 
 MAX_MESSAGE = 253
 LIST_POINTS = 1000

@@ -25,8 +25,8 @@ from contextlib import suppress
 from typing import ClassVar
 
 from drivers.kepco.supply import BEHIND_MODEL, KepcoSupply
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ERROR_QUERY
+from drivers.transport.exchanges import Repeatable
+from drivers.transport.text_line import ERROR_QUERY
 from station.errors import InstrumentError
 
 FREQUENCY_RANGE_HZ = (0.01, 1.8)

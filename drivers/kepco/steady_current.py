@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from itertools import pairwise
 
-from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver
+from drivers.transport.text_line import ERROR_QUERY, ScpiDriver
 from station.errors import InstrumentError
 from station.roles import CoilSettings, Place
 

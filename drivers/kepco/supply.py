@@ -30,8 +30,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
-from drivers.transport.line import TooLate, not_this_model
-from drivers.transport.visa_line import ERROR_QUERY
+from drivers.transport.exchanges import TooLate
+from drivers.transport.text_line import ERROR_QUERY, not_this_model
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
 from station.roles import TRIES, Identity, Place, SafetyReading, published, quantity

@@ -36,7 +36,7 @@ from pydantic import Field
 
 from drivers.generic.coil_generator import CoilGenerator, CoilSettings
 from drivers.keysight.generator_33522b_messages import TRIGGERS, Messages
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 from station.roles import Identity
 
 

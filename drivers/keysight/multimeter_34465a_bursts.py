@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.generic.burst_meter import NO_READING, BurstMeter
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 from station.roles import Identity, Place
 
 INTEGRATION_CYCLES = (0.001, 0.002, 0.006, 0.02, 0.06, 0.2, 1.0, 10.0, 100.0)

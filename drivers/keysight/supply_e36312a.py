@@ -29,9 +29,8 @@ from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
 
-from drivers.transport.line import numbers_of, shortened
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ERROR_QUERY, ScpiDriver, VisaSettings
+from drivers.transport.exchanges import Repeatable, shortened
+from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings, numbers_of
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place, SafetyReading, quantity

@@ -48,8 +48,8 @@ from numpy.typing import NDArray
 
 from drivers.generic.nine_axis import ACCELEROMETERS, GYROS, MAGNETOMETERS, ROW, NineAxisSource
 from drivers.kvh.imu_1775_frames import OTHER_OUTPUT, OUTPUT, PAYLOAD, SELF_TEST, TEXT, split
-from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import BaudRate, SerialSettings
+from drivers.transport.exchanges import Repeatable
+from drivers.transport.ports import BaudRate, SerialSettings
 from drivers.transport.serial_stream import Counting, Numbering, SerialStream, StreamFrame
 from station.errors import InputError, InstrumentError, InstrumentTimeout
 from station.roles import Identity, Place, SensorStatus

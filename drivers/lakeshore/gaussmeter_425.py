@@ -33,10 +33,9 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from drivers.transport.line import number_of, odd, shortened
-from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import BaudRate, DataBits, Parity, SerialSettings
-from drivers.transport.text_line import SerialLine
+from drivers.transport.exchanges import Repeatable, shortened
+from drivers.transport.ports import BaudRate, DataBits, Parity, SerialSettings
+from drivers.transport.text_line import SerialLine, number_of, odd
 from station.errors import InputError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place, published, quantity

@@ -29,9 +29,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.generic.three_axes import ThreeAxes, in_mT
-from drivers.transport.line import identification, shortened
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import ScpiDriver, VisaSettings
+from drivers.transport.exchanges import Repeatable, shortened
+from drivers.transport.text_line import ScpiDriver, VisaSettings, identification
 from station.fields import Second
 from station.roles import Block, Identity, Place, quantity
 from station.roles.patience import patience

@@ -33,9 +33,9 @@ from typing import ClassVar
 from pydantic import Field
 
 from drivers.newport.esp301_line import MODEL, EspLine
-from drivers.transport.line import check_written, errors_until_none, not_this_model
-from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import BaudRate, Handshake, SerialSettings
+from drivers.transport.exchanges import Repeatable
+from drivers.transport.ports import BaudRate, Handshake, SerialSettings
+from drivers.transport.text_line import check_written, errors_until_none, not_this_model
 from station.errors import InstrumentError
 from station.fields import Degree, Second
 from station.roles import Driver, Identity, Place, SafetyReading, quantity

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from drivers.transport.line import odd, shortened
-from drivers.transport.retry import NEVER, Repeatable
-from drivers.transport.serial_port import SerialSettings
-from drivers.transport.text_line import SerialLine
+from drivers.transport.exchanges import NEVER, Repeatable, shortened
+from drivers.transport.ports import SerialSettings, serial_port
+from drivers.transport.text_line import TextLine, odd
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -49,14 +48,22 @@ OF_AXIS = {
 }
 
 
-class EspLine(SerialLine):
+class EspLine(TextLine):
     """Commands and queries of one controller; `axis` is the one whose errors are ours."""
 
     def __init__(
         self, place: Place, settings: SerialSettings, axis: int, repeatable: Repeatable = NEVER
     ) -> None:
         self._axis = axis
-        super().__init__(place, settings, ignores_empty=True, repeatable=repeatable, identity="VE?")
+        super().__init__(
+            place,
+            serial_port(place.address, settings),
+            request_end="\r",
+            answer_end="\r\n",
+            ignores_empty=True,
+            repeatable=repeatable,
+            identity="VE?",
+        )
 
     def command(self, message: str, *, but_for: Collection[int] = ()) -> int:
         """Send a command and ask for an error in the same line; a reported one is raised.

@@ -37,9 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.redpitaya.stemlab_settings import SLOTS, BoardSettings, CannotRecord, Record
-from drivers.transport.line import not_this_model, odd, shortened
-from drivers.transport.retry import Repeatable
-from drivers.transport.visa_line import VisaLine
+from drivers.transport.exchanges import Repeatable, shortened
+from drivers.transport.text_line import VisaLine, not_this_model, odd
 from station.errors import InstrumentError
 from station.roles import Block, Driver, Identity, Place, SafetyReading, quantity
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from drivers.transport.visa_line import VisaSettings
+from drivers.transport.text_line import VisaSettings
 
 CONVERTER_HZ = 125e6
 SLOTS = 16384

@@ -39,7 +39,7 @@ from typing import ClassVar
 
 from drivers.generic.coil_generator import CoilGenerator
 from drivers.generic.coil_generator_messages import ChannelMessages, Wanted, joined, period_of
-from drivers.transport.retry import Repeatable
+from drivers.transport.exchanges import Repeatable
 
 
 class RigolDg800(CoilGenerator):

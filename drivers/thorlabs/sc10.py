@@ -27,10 +27,9 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.transport.line import odd
-from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import SerialSettings
-from drivers.transport.text_line import SerialLine
+from drivers.transport.exchanges import Repeatable
+from drivers.transport.ports import SerialSettings
+from drivers.transport.text_line import SerialLine, odd
 from station.errors import InstrumentError
 from station.fields import Second
 from station.roles import Driver, Identity, LightSettings, Place, SafetyReading, quantity

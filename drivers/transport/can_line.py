@@ -12,7 +12,7 @@ import can
 
 from drivers.transport.can_adapter import Adapter, StampedTime
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
-from drivers.transport.serial_port import CONNECT_DEADLINE_S, SocketPort, connected
+from drivers.transport.ports import CONNECT_DEADLINE_S, SocketPort, connected
 from station.clock import FarEnd, boot_seconds
 from station.errors import InstrumentError, reason_of
 from station.roles import Place

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from threading import Event, Lock, Thread
 from typing import Generic, TypeVar
 
-from drivers.transport.line import TracedLine
+from drivers.transport.ports import TracedLine
 from station.errors import InstrumentError
 from station.roles import Place
 

@@ -20,9 +20,9 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
-from drivers.transport.exchange_port import ExchangePort
-from drivers.transport.retry import NEVER, Repeatable
-from drivers.transport.serial_port import (
+from drivers.transport.exchanges import NEVER, ExchangeLine, Repeatable
+from drivers.transport.ports import (
+    Attachment,
     Port,
     SerialSettings,
     connected,
@@ -77,7 +77,7 @@ class ModbusSettings(SerialSettings):
     unit: int = Field(1, ge=1, le=247, description="Modbus address")
 
 
-class ModbusLine(ExchangePort):
+class ModbusLine(ExchangeLine):
     """One device's registers; addresses count from zero, values are 0 to 65535.
 
     An address `modbus-tcp://host:port` (502 unless given) is Modbus TCP; a serial port, or
@@ -86,8 +86,6 @@ class ModbusLine(ExchangePort):
     """
 
     largest_bytes = 1024
-    when_silent = "check that the instrument is on, its cable is seated, and its Modbus address"
-    when_wrong = "check the cable, the line's settings, and that no other client polls it"
 
     def __init__(
         self,
@@ -110,7 +108,13 @@ class ModbusLine(ExchangePort):
         # pymodbus' own log says every fault again, in its own words.
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
         address = f"{self._host}:{self._tcp_port}" if self._tcp else wire_address(place.address)
-        super().__init__(place, address, repeatable)
+        attachment = Attachment(
+            address,
+            self._port_opened,
+            "check that the instrument is on, its cable is seated, and its Modbus address",
+            "check the cable, the line's settings, and that no other client polls it",
+        )
+        super().__init__(place, attachment, repeatable)
 
     def read(self, address: int, count: int = 1) -> list[int]:
         """Return `count` registers from `address` on.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
-from drivers.transport.serial_port import Port, SerialSettings, open_port, wire_address
+from drivers.transport.ports import Port, SerialSettings, open_port, wire_address
 from station.errors import reason_of
 from station.roles import Place
 

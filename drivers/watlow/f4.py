@@ -38,8 +38,8 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
-from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import WatlowChamber
 from station.errors import AnotherInstrument
 from station.roles import Identity, Place

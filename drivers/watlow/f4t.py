@@ -34,6 +34,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.modbus_line import (
     NO_REGISTER,
     SCHEME,
@@ -41,7 +42,6 @@ from drivers.transport.modbus_line import (
     ModbusRefusal,
     ModbusSettings,
 )
-from drivers.transport.retry import Repeatable
 from drivers.watlow.chamber import LOOK_S, WatlowChamber
 from station.errors import AnotherInstrument, InstrumentError
 from station.roles import Identity, Place

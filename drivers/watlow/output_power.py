@@ -18,8 +18,8 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.modbus_line import DEVICE_FAILURE, ModbusRefusal
-from drivers.transport.retry import Repeatable
 from drivers.watlow.f4t import (
     OFF,
     ON,

@@ -13,12 +13,11 @@ import pytest
 from wires import LIMITS, no_thread_is_left  # noqa: F401
 
 from drivers.kepco.bop import KepcoBop
+from drivers.transport.exchanges import Repeatable
 from drivers.transport.kept_frames import MAX_FRAMES, KeptFrames
-from drivers.transport.retry import Repeatable
-from drivers.transport.serial_port import SerialSettings
+from drivers.transport.ports import SerialSettings
 from drivers.transport.serial_stream import SerialStream, Split
-from drivers.transport.text_line import SerialLine, TextLine
-from drivers.transport.visa_line import VisaLine
+from drivers.transport.text_line import SerialLine, TextLine, VisaLine
 from station.clock import RealClock, boot_seconds
 from station.errors import InstrumentError
 from station.instruments.opening import InstrumentPlace
@@ -370,6 +369,17 @@ def test_readings_count_only_between_identities(answers_behind: int) -> None:
         del waiting[answers_behind:]
         with pytest.raises(InstrumentError):
             proof.of(lambda: number_of("MEAS:CURR?"), lambda: number_of("OUTP?"))
+
+
+def test_a_resource_s_answer_ends_with_its_last_character_and_loses_the_whole_end() -> None:
+    device = Device(lambda client, asked: client.sendall(f"{asked}\r\n".encode()))
+    address = f"TCPIP::127.0.0.1::{device.port}::SOCKET"
+    line = VisaLine(InstrumentPlace("it", address, RealClock()), answer_end="\r\n")
+    try:
+        assert line.query("A?") == "A?"
+    finally:
+        line.close()
+        device.close()
 
 
 class Kept(KeptFrames[bytes]):

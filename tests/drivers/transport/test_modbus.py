@@ -13,8 +13,8 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 from watlow_fixture import NAME, Fixture, controller
 
+from drivers.transport.exchanges import NEVER, Repeatable
 from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
-from drivers.transport.retry import NEVER, Repeatable
 from sim_instruments.wire.modbus import ModbusError, Parameter, Registers, crc16, fixed
 from station.clock import RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer

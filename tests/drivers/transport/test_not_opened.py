@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 import serial
 
-from drivers.transport.not_opened import why_not_opened
+from drivers.transport.ports import why_not_opened
 from station import registry
 from station.clock import RealClock
 from station.errors import InstrumentError

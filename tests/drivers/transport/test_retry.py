@@ -8,8 +8,9 @@ from drivers.generic.can_pulse_board import CanPulseBoard
 from drivers.generic.interlock_chain import InterlockChainLine
 from drivers.kepco.bop import KepcoBop, list_messages
 from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71
-from drivers.transport.retry import TRIES, Repeatable, patiently
+from drivers.transport.exchanges import Repeatable, patiently
 from station.errors import InstrumentError
+from station.roles import TRIES
 from station.roles.patience import patience
 
 
@@ -95,3 +96,13 @@ def test_what_is_no_fault_of_an_instrument_is_not_tried_again() -> None:
     with patience(), pytest.raises(KeyboardInterrupt):
         patiently(Repeatable("again"), "again", exchange)
     assert len(said) == 1
+
+
+def test_a_driver_written_before_still_imports() -> None:
+    """Modules that a laboratory's own drivers name, from how-tos of before."""
+    from drivers.transport import retry, serial_port, visa_line
+
+    assert retry.Repeatable is Repeatable
+    assert issubclass(visa_line.ScpiDriver.Settings, visa_line.VisaSettings)
+    assert visa_line.ScpiLine is visa_line.VisaLine
+    assert serial_port.SerialSettings().baud_rate == 9600

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from drivers.transport.serial_port import SerialSettings, wire_address
+from drivers.transport.ports import SerialSettings, wire_address
 from drivers.transport.text_line import SerialLine
 from station.clock import Clock, RealClock, VirtualClock
 from station.conformance.faulty_server import FaultyServer, closed_port

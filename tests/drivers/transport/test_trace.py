@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from campaign_helpers import file_hashes, short_plan
 
-from drivers.transport.visa_line import VisaLine
+from drivers.transport.text_line import VisaLine
 from station import registry
 from station.clock import VirtualClock
 from station.conformance.faulty_server import FaultyServer

@@ -17,7 +17,7 @@ from places import ROOT
 from short_forms import SHORT_FORMS
 from tiers import quick
 
-from drivers.transport.serial_port import SocketPort
+from drivers.transport.ports import SocketPort
 from station import registry
 from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, find

@@ -1,9 +1,15 @@
-"""A port over which exchanges go one at a time, each from an empty line and to an empty line.
+"""Exchanges: one question and its answer at a time, in step, with patience and proof.
 
 What lies on a line before a question is the answer to nothing, or the true answer to the question
 before. What comes behind an answer is no better. Either is an event of the run, the line is brought
 into step again, and the question is asked again where the driver says that this does no harm; else
 it is a fault. A harmless question whose line broke is asked again over a new connection.
+
+A driver declares which of its messages do no harm when the instrument gets them twice: its
+`repeatable`. On the way to rest, where a lost answer must not end in a coil that is cut off at full
+current, and by whoever watches a level, such a message is sent again whatever went wrong with it.
+In a step it is sent again only where its line broke, or where its answer was not the only one that
+came. Any other fault, and each one of any other message, ends the run at once.
 """
 
 from __future__ import annotations
@@ -15,16 +21,18 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from drivers.transport.line import AnswerInDoubt, ExchangeLine, LineBroken, TooLate, shortened
-from drivers.transport.retry import MESSAGES_KEPT, NEVER, Proof, Repeatable, patiently
-from drivers.transport.serial_port import Port
-from station.errors import InstrumentError, reason_of
+from drivers.transport.ports import Attachment, Port, TracedLine
+from station.errors import InstrumentError, InstrumentTimeout, reason_of
 from station.roles import EXCHANGE_DEADLINE_S, TRIES, Place
 from station.roles.base import ANSWER_TIME
+from station.roles.patience import PATIENT, patience
 
 Answer = TypeVar("Answer")
+
+MESSAGES_KEPT = 256
+"""Queries come again and again; of set-points there is no end."""
 
 QUIET_S = 0.1
 """A line on which nothing has come for this run time has nothing more on its way."""
@@ -34,12 +42,69 @@ LARGEST_ANSWER_BYTES = 1 << 20
 LARGEST_NOTE_BYTES = 4096
 
 
-class ExchangePort(ExchangeLine, ABC):
+class AnswerInDoubt(InstrumentError):
+    """An answer that may belong to another question, or to none."""
+
+
+class LineBroken(InstrumentError):
+    """A connection that ended while it was used."""
+
+
+class TooLate(InstrumentError):
+    """A message that was not sent: its line had to be brought into step, and its moment is over."""
+
+
+class Repeatable:
+    """The messages of an instrument that may be sent twice.
+
+    Each pattern is a regular expression for one whole command, upper and lower case alike, without
+    the colon before it. A message of several commands, joined by `;`, is repeatable when each of
+    them is and starts from the root again (`:` or `*`): what a relative header means depends on
+    the one before it. An instrument without such headers has `rooted` False.
+    """
+
+    def __init__(self, *patterns: str, rooted: bool = True) -> None:
+        self._rooted = rooted
+        self._pattern = re.compile(
+            "|".join(f"(?:{pattern})" for pattern in patterns), re.IGNORECASE
+        )
+        self._known = lru_cache(MESSAGES_KEPT)(self._all_match)
+
+    def __contains__(self, message: object) -> bool:
+        return self._known(str(message))
+
+    def _all_match(self, message: str) -> bool:
+        first, *others = message.split(";")
+        rooted = not self._rooted or all(other.lstrip().startswith((":", "*")) for other in others)
+        commands = [command.strip().removeprefix(":") for command in (first, *others)]
+        return rooted and all(self._pattern.fullmatch(command) for command in commands)
+
+
+NEVER = Repeatable(r"(?!)")
+"""Nothing may be sent twice."""
+
+
+def patiently(repeatable: Repeatable, message: str, exchange: Callable[[], Answer]) -> Answer:
+    """Return what an exchange of `message` brings.
+
+    Where one lost answer must not decide (`patience`) and the message is repeatable, the exchange
+    is tried three times, as a whole, before its error is believed.
+    """
+    if PATIENT.get() and message in repeatable:
+        with patience(granted=False):
+            for _ in range(TRIES - 1):
+                with suppress(InstrumentError):
+                    return exchange()
+            return exchange()
+    return exchange()
+
+
+class ExchangeLine(TracedLine, ABC):
     """What a line of exchanges does whatever its messages look like.
 
-    `wire` is the address of its counting, `repeatable` the messages that do no harm twice,
-    `deadlines` the s that a message with a pattern may take. After an exchange that failed the port
-    is opened anew, so that no late answer is taken for the next.
+    `repeatable` has the messages that do no harm twice, `deadlines` the s that a message with a
+    pattern may take. After an exchange that failed the port is opened anew, so that no late answer
+    is taken for the next.
     """
 
     largest_bytes = LARGEST_ANSWER_BYTES
@@ -49,15 +114,16 @@ class ExchangePort(ExchangeLine, ABC):
     def __init__(
         self,
         place: Place,
-        wire: str,
+        attachment: Attachment,
         repeatable: Repeatable = NEVER,
         deadlines: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         super().__init__(place)
+        self._attachment = attachment
         self._deadlines = deadlines
         self._stated_s = lru_cache(MESSAGES_KEPT)(self._longest_stated_s)
         self._lock = place.clock.lock(f"{place.name} line")
-        self._wire = place.clock.wire(wire)
+        self._wire = place.clock.wire(attachment.wire)
         self._repeatable = repeatable
         self.proof = Proof(place, self)
         self._port: Port | None = None
@@ -81,7 +147,7 @@ class ExchangePort(ExchangeLine, ABC):
     def patiently(
         self, message: str, exchange: Callable[[], Answer], *, now: bool = False
     ) -> Answer:
-        """Return what an exchange of `message` brings, by `retry.patiently`; `now` it goes once."""
+        """Return what an exchange of `message` brings, by `patiently`; `now` it goes once."""
         return exchange() if now else patiently(self._repeatable, message, exchange)
 
     @abstractmethod
@@ -95,10 +161,6 @@ class ExchangePort(ExchangeLine, ABC):
             if self._port is not None and self._port.is_connection:
                 self._disconnect()
 
-    @abstractmethod
-    def _port_opened(self) -> Port:
-        """Open the port; raises OSError or ValueError."""
-
     def _greet(self, port: Port) -> None:
         """Send what a line that is opened anew needs before it is read until quiet."""
 
@@ -111,7 +173,7 @@ class ExchangePort(ExchangeLine, ABC):
             raise self._fault(
                 f"sent {shortened(message)!r}",
                 "something came after its answer, which is therefore in doubt",
-                self.when_wrong,
+                self._attachment.when_wrong,
             )
 
     def _exchange(
@@ -245,12 +307,13 @@ class ExchangePort(ExchangeLine, ABC):
     def _open(self, *, calm: bool = True) -> Port:
         port: Port | None = None
         try:
-            port = self._wire.port() or self._port_opened()
+            port = self._wire.port() or self._attachment.open()
             self._wire.open()
             self._opened += 1
             self.delays += 1
             self._traced("-", b"opened" if self._opened == 1 else b"reopened")
-            if self._must_calm or self._needs_quiet(port):
+            fresh = self._opened == 1 and port.is_connection
+            if self._must_calm or not (fresh or self._attachment.begins_quiet):
                 self._greet(port)
                 if calm:
                     self._await_quiet(port)
@@ -263,10 +326,6 @@ class ExchangePort(ExchangeLine, ABC):
             raise self._not_opened(error) from error
         self._port = port
         return port
-
-    def _needs_quiet(self, port: Port) -> bool:
-        """Whether late answers may still come over a line that has just been opened."""
-        return self._opened > 1 or not port.is_connection
 
     def _await_quiet(self, port: Port) -> None:
         """Read until nothing has come for a while; what comes is no answer to anything.
@@ -379,3 +438,80 @@ class ExchangePort(ExchangeLine, ABC):
             "check that nobody else uses the instrument, its cable and its power",
             LineBroken,
         )
+
+    def _silent(self, attempted: str, what: str, deadline_s: float) -> InstrumentError:
+        came_back = f"{what} within {deadline_s:g} s"
+        do_now = (
+            f"{self._attachment.when_silent}; one that takes longer needs a `deadline` in the "
+            "bench file"
+        )
+        return self._fault(attempted, came_back, do_now, InstrumentTimeout)
+
+    def _wrong(self, attempted: str, came_back: str) -> InstrumentError:
+        return self._fault(attempted, came_back, self._attachment.when_wrong)
+
+    def _doubtful(self, attempted: str, came_back: str) -> InstrumentError:
+        return self._fault(attempted, came_back, self._attachment.when_wrong, AnswerInDoubt)
+
+    def _too_late(self, message: str) -> InstrumentError:
+        return self._fault(
+            f"send {shortened(message)!r} at its moment",
+            "something lay on the line, and the moment is over now that it is empty",
+            self._attachment.when_wrong,
+            TooLate,
+        )
+
+
+class Proof:
+    """The proof that one line's answers are those to the questions asked.
+
+    A line may be out of step: a stray line, a lost or doubled answer, a device that is some
+    answers behind. Then each answer looks like one, and belongs to another question. Where a
+    reading decides whether something is at rest, an identity is asked before, between and after
+    the readings: no other question has that answer, so none of them can have moved.
+    """
+
+    def __init__(self, place: Place, line: ExchangeLine) -> None:
+        self._place, self._line = place, line
+
+    def in_step(self) -> bool:
+        """Whether the line answers who is there with the identity, at once; never raises."""
+        delays = self._line.delays
+        with suppress(InstrumentError):
+            return self._line.echoes_identity() and self._line.delays == delays
+        return False
+
+    def of(self, *readings: Callable[[], Any]) -> list[Any]:
+        """Return what the readings bring, with two identities before and one after each of them.
+
+        All are asked again, three times at most, where one of the identities is none or something
+        came that was not asked for. Raises InstrumentError where that brings no proof.
+        """
+        failed: InstrumentError | None = None
+        for _ in range(TRIES):
+            results, doubts, failed = [], self._line.doubts, None
+            try:
+                # Twice, so that a line two answers behind meets an identity where a reading is due.
+                in_step = self._line.echoes_identity() and self._line.echoes_identity()
+                for read in readings if in_step else ():
+                    results.append(read())
+                    in_step = in_step and self._line.echoes_identity()
+            except InstrumentError as error:
+                in_step, failed = False, error
+            if in_step and self._line.doubts == doubts:
+                return results
+            with suppress(InstrumentError):
+                self._line.resynchronise()
+        if failed is not None:
+            raise failed
+        raise InstrumentError(
+            self._place.name,
+            "asked who it is between readings, to prove that each is the answer to its question",
+            "it answered with something else each time, so nothing that it reads back counts",
+            "look at its display, switch it off by hand where it is on, then switch it off and on",
+        )
+
+
+def shortened(text: str, longest: int = 60) -> str:
+    """Return `text`, its middle left out when it is long."""
+    return text if len(text) <= longest else f"{text[: longest // 2]}…{text[-longest // 2 :]}"
