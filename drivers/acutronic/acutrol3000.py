@@ -229,22 +229,20 @@ class Acutrol3000(Driver):
         holds it. First comes rate zero, because the acceleration of Off is not documented.
         """
         table = self._table
-        try:
-            for state in table.axes.values():
-                table.brake(state)
+        for state in table.axes.values():
+            table.brake(state)
+        table.look()
+        table.end_tasks()
+        while table.turns() and self.place.clock.now() < deadline_s - STILL_S:
+            self.place.clock.sleep(LOOK_S)
             table.look()
-            table.end_tasks()
-            while table.turns() and self.place.clock.now() < deadline_s - STILL_S:
-                self.place.clock.sleep(LOOK_S)
-                table.look()
-            self._line.tell(":Mode ALL,Off")
-        except InstrumentError:
-            self.last_attempt()
-            # It may have been heard though nothing is: until then nothing else goes on.
-            stands_s = self.place.clock.now() + table.brakes_within_s()
-            self.place.clock.sleep_until(min(stands_s, deadline_s))
-            raise
+        self._line.tell(":Mode ALL,Off")
         table.forget_errors()
+
+    def await_rest(self, deadline_s: float) -> None:
+        """Wait until the axes have braked, if it heard: until then nothing else goes on."""
+        stands_s = self.place.clock.now() + self._table.brakes_within_s()
+        self.place.clock.sleep_until(min(stands_s, deadline_s))
 
     def last_attempt(self) -> None:
         """Set all modes off, whatever comes back."""

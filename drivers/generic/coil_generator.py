@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
@@ -169,23 +169,15 @@ class CoilGenerator(ScpiDriver):
         self._outputs()
 
     def make_safe(self, deadline_s: float) -> None:
-        """Switch both outputs off and read them back.
-
-        Where that fails, a last attempt switches them off at once, and the error is raised.
-        """
+        """Switch both outputs off and read them back."""
         self._forget()
-        try:
-            self._line.query(f"*CLS;{ERROR_QUERY}")
-            self._line.command(self._off())
-            (outputs,) = self._line.proof.of(self._outputs)
-            on = [channel for channel, is_on in outputs.items() if is_on]
-            if on:
-                what = f"channel {' and '.join(map(str, on))} reads back as on"
-                raise self.error("switched both outputs off", what, "switch it off by hand")
-        except InstrumentError:
-            with suppress(InstrumentError):
-                self.last_attempt()
-            raise
+        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.command(self._off())
+        (outputs,) = self._line.proof.of(self._outputs)
+        on = [channel for channel, is_on in outputs.items() if is_on]
+        if on:
+            what = f"channel {' and '.join(map(str, on))} reads back as on"
+            raise self.error("switched both outputs off", what, "switch it off by hand")
 
     def last_attempt(self) -> None:
         """Switch both outputs off at once, and wait for no answer."""

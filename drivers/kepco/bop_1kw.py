@@ -62,11 +62,9 @@ class KepcoBop1kW(KepcoSupply):
         self._limit("VOLT:PROT", self._voltage_limit_V)
         self._limit("CURR:LIM", self._current_limit_A)
 
-    def make_safe(self, deadline_s: float) -> None:
-        """Take the output over, then bring the current to zero and switch the output off."""
+    def _take_over(self) -> None:
         with suppress(InstrumentError):  # one that takes no command may still be switched off
             self._line.query(f"SYST:REM ON;{ERROR_QUERY}")
-        super().make_safe(deadline_s)
 
     def last_attempt(self) -> None:
         """Take the output over and switch it off at once, and wait for no answer."""

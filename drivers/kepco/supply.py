@@ -25,7 +25,6 @@ import math
 import re
 from abc import abstractmethod
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -168,20 +167,16 @@ class KepcoSupply(SteadyCurrent):
         return self._line.number("MEAS:CURR?")
 
     def make_safe(self, deadline_s: float) -> None:
-        """Leave the list near a zero of its sine, ramp what remains, switch the output off.
+        """Leave the list near a zero of its sine, ramp what remains, switch the output off."""
+        self._take_over()
+        # What was refused before must not be taken for a refusal of what follows.
+        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._ramp_to_zero(deadline_s)
+        self._line.command("OUTP OFF")
+        self.place.publish("output", "off")
 
-        Where that fails, a last attempt switches the output off at once, and the error is raised.
-        """
-        try:
-            # What was refused before must not be taken for a refusal of what follows.
-            self._line.query(f"*CLS;{ERROR_QUERY}")
-            self._ramp_to_zero(deadline_s)
-            self._line.command("OUTP OFF")
-            self.place.publish("output", "off")
-        except InstrumentError:
-            with suppress(InstrumentError):
-                self.last_attempt()
-            raise
+    def _take_over(self) -> None:
+        """Have the supply listen to this line, where a model needs to be told."""
 
     def last_attempt(self) -> None:
         """Switch the output off at once, and wait for no answer."""

@@ -145,22 +145,12 @@ class KeysightE36312A(ScpiDriver):
         return f"the device stays {'on' if self._look().on else 'off'}"
 
     def make_safe(self, deadline_s: float) -> None:
-        """Switch the output off and read it back.
-
-        Where that fails, a last attempt switches it off at once, and the error is raised.
-        """
-        try:
-            self._line.query(f"*CLS;{ERROR_QUERY}")
-            self._line.command(f"OUTP OFF,{self._at}")
-            reading = self.read_safety()
-            if not reading.safe:
-                raise self.error(
-                    "switched the output off", reading.read_back, "switch it off by hand"
-                )
-        except InstrumentError:
-            with suppress(InstrumentError):
-                self.last_attempt()
-            raise
+        """Switch the output off and read it back."""
+        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.command(f"OUTP OFF,{self._at}")
+        reading = self.read_safety()
+        if not reading.safe:
+            raise self.error("switched the output off", reading.read_back, "switch it off by hand")
 
     def last_attempt(self) -> None:
         """Switch the output off at once, and wait for no answer."""

@@ -237,21 +237,15 @@ class NewportEsp301(Driver):
         """Brake with the programmed deceleration and wait until the stage stands still.
 
         The motor stays on: on a horizontal axis a device that is not balanced would turn the stage
-        as soon as nothing holds it. Where the controller does not answer, a last attempt aborts
-        all motion, and the error is raised.
+        as soon as nothing holds it.
         """
         self._homed = self._homed and not self._homing
         self._homing = False
         stop = self._of_axis("ST")
-        try:
-            # What was refused before is no refusal of this: that it stands is what is read back.
-            self._line.patiently(stop, lambda: self._line.query(f"{stop};TB?"))
-            while self._number("MD?") == 0 and self.place.clock.now() < deadline_s - STILL_S:
-                self.place.clock.sleep(LOOK_S)
-        except InstrumentError:
-            with suppress(InstrumentError):
-                self.last_attempt()
-            raise
+        # What was refused before is no refusal of this: that it stands is what is read back.
+        self._line.patiently(stop, lambda: self._line.query(f"{stop};TB?"))
+        while self._number("MD?") == 0 and self.place.clock.now() < deadline_s - STILL_S:
+            self.place.clock.sleep(LOOK_S)
         self._turning = False
         with suppress(InstrumentError):
             self._line.forget_errors()

@@ -30,7 +30,6 @@ Commands and their sources:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -184,13 +183,7 @@ class RedPitaya(Driver):
 
     def make_safe(self, deadline_s: float) -> None:
         """Drive the trigger output low, so that nothing that listens goes on."""
-        try:
-            self._line.patiently(f"DIG:PIN {OUTPUT},0", self._low)
-        except InstrumentError:
-            # It may obey though nobody understands its answers.
-            with suppress(InstrumentError):
-                self.last_attempt()
-            raise
+        self._line.patiently(f"DIG:PIN {OUTPUT},0", self._low)
 
     def last_attempt(self) -> None:
         """Drive the trigger output low, and wait for no answer."""

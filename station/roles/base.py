@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial, wraps
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeVar, cast, runtime_checkable
@@ -258,7 +258,8 @@ class Driver:
     interlock; methods declared with `quantity` are entered by themselves. `wired_by` names the
     setting without which a quantity is not wired. A driver's line is its `_line`.
 
-    Its way to rest and its looks (`PATIENT_VERBS`, `read_quantity`) have `patience`.
+    Its way to rest and its looks (`PATIENT_VERBS`, `read_quantity`) have `patience`. Where its
+    `make_safe` fails, its `last_attempt`, if it has one, switches it off, and the error is raised.
 
     `deadline_s` is the run time in which its model answers any exchange; `deadlines` has that of
     what takes longer, by a regular expression that is searched for in the message. None is above
@@ -323,6 +324,9 @@ class Driver:
         """Give the line back."""
         self._line.close()  # type: ignore[attr-defined]  # each driver has its own
 
+    def await_rest(self, deadline_s: float) -> None:
+        """Give what was switched off blindly the time in which it comes to rest; here none."""
+
     @patience()
     def read_quantity(self, quantity: str) -> float | str | None:
         """Return a quantity now; None while there is nothing to be known.
@@ -334,12 +338,22 @@ class Driver:
 
 
 def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
-    """Return a driver's way to rest, none of whose exchanges waits beyond its time."""
+    """Return a driver's way to rest, none of whose exchanges waits beyond its time.
+
+    Where it fails, what one command switches off is sent that, and the error is raised.
+    """
 
     @wraps(make_safe)
     def bounded(driver: Driver, deadline_s: float) -> None:
         with driver.place.exchanges.until(deadline_s):
-            make_safe(driver, deadline_s)
+            try:
+                make_safe(driver, deadline_s)
+            except InstrumentError:
+                if isinstance(driver, SwitchedOffBlindly):
+                    with suppress(InstrumentError):
+                        driver.last_attempt()
+                    driver.await_rest(deadline_s)
+                raise
 
     return bounded
 

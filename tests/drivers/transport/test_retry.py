@@ -9,8 +9,10 @@ from drivers.generic.interlock_chain import InterlockChainLine
 from drivers.kepco.bop import KepcoBop, list_messages
 from drivers.lakeshore.gaussmeter_f71 import LakeshoreF71
 from drivers.transport.exchanges import Repeatable, patiently
+from station.clock import VirtualClock
 from station.errors import InstrumentError
-from station.roles import TRIES
+from station.instruments.opening import InstrumentPlace
+from station.roles import TRIES, Driver, Place
 from station.roles.patience import patience
 
 
@@ -96,6 +98,32 @@ def test_what_is_no_fault_of_an_instrument_is_not_tried_again() -> None:
     with patience(), pytest.raises(KeyboardInterrupt):
         patiently(Repeatable("again"), "again", exchange)
     assert len(said) == 1
+
+
+class Deaf(Driver):
+    """A driver whose way to rest fails, and who may be switched off by one command."""
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        self.did: list[str] = []
+
+    def make_safe(self, deadline_s: float) -> None:
+        self.did.append("make_safe")
+        raise self.error("switched it off", "no answer came", "look")
+
+    def last_attempt(self) -> None:
+        self.did.append("last_attempt")
+        raise self.error("switched it off blindly", "the line broke", "look")
+
+    def await_rest(self, deadline_s: float) -> None:
+        self.did.append(f"await_rest before {deadline_s:g} s")
+
+
+def test_where_the_way_to_rest_fails_the_last_attempt_follows_and_the_first_error_is_told() -> None:
+    deaf = Deaf(InstrumentPlace("it", "", VirtualClock()))
+    with pytest.raises(InstrumentError, match="no answer came"):
+        deaf.make_safe(5.0)
+    assert deaf.did == ["make_safe", "last_attempt", "await_rest before 5 s"]
 
 
 def test_a_driver_written_before_still_imports() -> None:
