@@ -22,10 +22,19 @@ Wanted = dict[str, str | float]
 
 
 class ChannelMessages(ABC):
-    """The messages of one channel, and the settings to ask for afterwards, by query."""
+    """The messages of one channel, and the settings to ask for afterwards, by query.
 
-    off = "0"
-    """What the query `output` answers while the output is off."""
+    Widths go by way of the shortest: in whatever order the old and the new values lie, no setting
+    on the way is in conflict with another, and every error is one. A model says what its limits of
+    voltage are called (`limit`, and what switches them), and how it waits for a trigger.
+    """
+
+    on, off = "1", "0"
+    """What queries answer about what is on, and what is off."""
+    before_width: tuple[str, ...] = ()
+    """What the pulse is told before its width."""
+    limit: str
+    limit_switch: str
 
     def __init__(self, channel: int) -> None:
         self._out, self._sour = f"OUTP{channel}", f"SOUR{channel}"
@@ -34,6 +43,28 @@ class ChannelMessages(ABC):
     def switch(self, *, on: bool) -> str:
         """Return what switches the output on or off."""
         return f"{self._out} {'ON' if on else 'OFF'}"
+
+    def limits(self, load_ohm: float, limit_V: float) -> str:
+        """Return what sets the termination and the voltage limits, with the function at 0 V."""
+        return joined(
+            f"{self.limit_switch} OFF",
+            f"{self._out}:LOAD {'INF' if math.isinf(load_ohm) else f'{load_ohm:g}'}",
+            f"{self._sour}:FUNC DC",
+            f"{self._sour}:VOLT:OFFS 0",
+            f"{self.limit}:HIGH {limit_V:.6g}",
+            f"{self.limit}:LOW {-limit_V:.6g}",
+            f"{self.limit_switch} ON",
+        )
+
+    def limited(self, load_ohm: float, limit_V: float) -> Wanted:
+        """Return what has to be read after the limits were set."""
+        return {
+            f"{self._out}:LOAD?": load_ohm,
+            f"{self.limit_switch}?": self.on,
+            f"{self.limit}:HIGH?": limit_V,
+            f"{self.limit}:LOW?": -limit_V,
+            self.output: self.off,
+        }
 
     def steady(self) -> str:
         """Return what switches the output off and makes the function DC, at 0 V."""
@@ -49,38 +80,63 @@ class ChannelMessages(ABC):
         """Return what sets the steady voltage."""
         return f"{self._sour}:VOLT:OFFS {voltage_V:.7g}"
 
-    @abstractmethod
-    def limits(self, load_ohm: float, limit_V: float) -> str:
-        """Return what sets the termination and the voltage limits, with the function at 0 V."""
-
-    @abstractmethod
-    def limited(self, load_ohm: float, limit_V: float) -> Wanted:
-        """Return what has to be read after the limits were set."""
-
-    @abstractmethod
     def held(self, load_ohm: float, voltage_V: float) -> Wanted:
         """Return what has to be read of a channel that holds a voltage."""
+        return {
+            f"{self._sour}:FUNC?": "DC",
+            f"{self._sour}:VOLT:OFFS?": voltage_V,
+            f"{self._out}:LOAD?": load_ohm,
+            self.output: self.on,
+        }
 
-    @abstractmethod
     def step(self, held_V: float, step_V: float, duration_s: float, delay_s: float) -> list[str]:
-        """Return what turns a steady channel, its output off, into one that waits for a trigger."""
+        """Return what turns a steady channel, its output off, into one that waits for a trigger.
 
-    @abstractmethod
+        Downwards the pulse is inverted about its offset.
+        """
+        pulse = f"{self._sour}:FUNC:PULS"
+        return [
+            joined(
+                f"{self._sour}:FUNC PULS",
+                f"{self._sour}:VOLT:UNIT VPP",
+                f"{self._sour}:VOLT MIN",
+                f"{self._sour}:VOLT:OFFS {held_V + step_V / 2:.7g}",
+                f"{self._sour}:VOLT {abs(step_V):.7g}",
+                f"{self._out}:POL {'NORM' if step_V > 0 else 'INV'}",
+            ),
+            joined(
+                *(f"{pulse}:{first}" for first in self.before_width),
+                f"{pulse}:WIDT MIN",
+                f"{pulse}:PER {period_of(duration_s):.9g}",
+                f"{pulse}:WIDT {duration_s:.9g}",
+            ),
+            joined(*self.triggered(delay_s)),
+        ]
+
     def stepping(
         self, load_ohm: float, held_V: float, step_V: float, duration_s: float, delay_s: float
     ) -> Wanted:
         """Return what has to be read of a channel that waits for a trigger."""
+        return {
+            f"{self._sour}:FUNC?": "PULS",
+            f"{self._sour}:VOLT:LOW?": min(held_V, held_V + step_V),
+            f"{self._sour}:VOLT:HIGH?": max(held_V, held_V + step_V),
+            f"{self._sour}:FUNC:PULS:WIDT?": duration_s,
+            f"{self._out}:POL?": "NORM" if step_V > 0 else "INV",
+            f"{self._out}:LOAD?": load_ohm,
+            f"{self._sour}:BURS:STAT?": self.on,
+            f"{self._sour}:BURS:NCYC?": 1.0,
+            **self.waits(delay_s),
+            self.output: self.on,
+        }
 
-    def levels(self, held_V: float, step_V: float) -> str:
-        """Return what makes a pulse of a step; downwards it is inverted about its offset."""
-        return joined(
-            f"{self._sour}:FUNC PULS",
-            f"{self._sour}:VOLT:UNIT VPP",
-            f"{self._sour}:VOLT MIN",
-            f"{self._sour}:VOLT:OFFS {held_V + step_V / 2:.7g}",
-            f"{self._sour}:VOLT {abs(step_V):.7g}",
-            f"{self._out}:POL {'NORM' if step_V > 0 else 'INV'}",
-        )
+    @abstractmethod
+    def triggered(self, delay_s: float) -> tuple[str, ...]:
+        """Return what has a burst of one pulse begin after each trigger."""
+
+    @abstractmethod
+    def waits(self, delay_s: float) -> Wanted:
+        """Return what has to be read of that."""
 
 
 def period_of(duration_s: float) -> float:

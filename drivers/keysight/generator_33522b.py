@@ -35,9 +35,11 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from drivers.generic.coil_generator import CoilGenerator, CoilSettings
-from drivers.keysight.generator_33522b_messages import TRIGGERS, Messages
+from drivers.generic.coil_generator_messages import ChannelMessages, Wanted
 from drivers.transport.exchanges import Repeatable
 from station.roles import Identity
+
+TRIGGERS = {"external": "EXT", "bus": "BUS"}
 
 
 class Keysight33522B(CoilGenerator):
@@ -71,3 +73,31 @@ class Keysight33522B(CoilGenerator):
 
     def _messages_of(self, channel: int) -> Messages:
         return Messages(channel, TRIGGERS[self.Settings.of(self.place).trigger])
+
+
+class Messages(ChannelMessages):
+    """The messages of one channel."""
+
+    before_width = ("HOLD WIDT",)
+
+    def __init__(self, channel: int, trigger: str) -> None:
+        super().__init__(channel)
+        self.limit = f"{self._sour}:VOLT:LIM"
+        self.limit_switch = f"{self.limit}:STAT"
+        self._trig, self._trigger = f"TRIG{channel}", trigger
+
+    def triggered(self, delay_s: float) -> tuple[str, ...]:
+        """Return what has a burst of one pulse begin after each trigger."""
+        burst = f"{self._sour}:BURS"
+        return (
+            f"{self._trig}:SOUR {self._trigger}",
+            f"{self._trig}:SLOP POS",
+            f"{self._trig}:DEL {delay_s:.9g}",
+            f"{burst}:MODE TRIG",
+            f"{burst}:NCYC 1",
+            f"{burst}:STAT ON",
+        )
+
+    def waits(self, delay_s: float) -> Wanted:
+        """Return what has to be read of that."""
+        return {f"{self._trig}:SOUR?": self._trigger, f"{self._trig}:DEL?": delay_s}

@@ -34,11 +34,10 @@ Commands and their sources:
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
 from drivers.generic.coil_generator import CoilGenerator
-from drivers.generic.coil_generator_messages import ChannelMessages, Wanted, joined, period_of
+from drivers.generic.coil_generator_messages import ChannelMessages, Wanted
 from drivers.transport.exchanges import Repeatable
 
 
@@ -64,76 +63,25 @@ class RigolDg800(CoilGenerator):
 class Messages(ChannelMessages):
     """The messages of one channel."""
 
-    off = "OFF"
+    on, off = "ON", "OFF"
 
-    def limits(self, load_ohm: float, limit_V: float) -> str:
-        """Return what sets the termination and the voltage limits, with the function at 0 V."""
-        limit = f"{self._out}:VOLL"
-        return joined(
-            f"{limit} OFF",
-            f"{self._out}:LOAD {'INF' if math.isinf(load_ohm) else f'{load_ohm:g}'}",
-            f"{self._sour}:FUNC DC",
-            f"{self._sour}:VOLT:OFFS 0",
-            f"{limit}:HIGH {limit_V:.6g}",
-            f"{limit}:LOW {-limit_V:.6g}",
-            f"{limit} ON",
+    def __init__(self, channel: int) -> None:
+        super().__init__(channel)
+        self.limit = self.limit_switch = f"{self._out}:VOLL"
+
+    def triggered(self, delay_s: float) -> tuple[str, ...]:
+        """Return what has a burst of one pulse begin after each trigger."""
+        burst = f"{self._sour}:BURS"
+        return (
+            f"{burst}:MODE TRIG",
+            f"{burst}:NCYC 1",
+            f"{burst}:TRIG:SOUR EXT",
+            f"{burst}:TRIG:SLOP POS",
+            f"{burst}:TDEL {delay_s:.9g}",
+            f"{burst}:IDLE BOTTOM",
+            f"{burst}:STAT ON",
         )
 
-    def limited(self, load_ohm: float, limit_V: float) -> Wanted:
-        """Return what has to be read after the limits were set."""
-        limit = f"{self._out}:VOLL"
-        return {
-            f"{self._out}:LOAD?": load_ohm,
-            f"{limit}?": "ON",
-            f"{limit}:HIGH?": limit_V,
-            f"{limit}:LOW?": -limit_V,
-            self.output: "OFF",
-        }
-
-    def held(self, load_ohm: float, voltage_V: float) -> Wanted:
-        """Return what has to be read of a channel that holds a voltage."""
-        return {
-            f"{self._sour}:FUNC?": "DC",
-            f"{self._sour}:VOLT:OFFS?": voltage_V,
-            f"{self._out}:LOAD?": load_ohm,
-            self.output: "ON",
-        }
-
-    def step(self, held_V: float, step_V: float, duration_s: float, delay_s: float) -> list[str]:
-        """Return what turns a steady channel, its output off, into one that waits for a trigger."""
-        pulse, burst = f"{self._sour}:FUNC:PULS", f"{self._sour}:BURS"
-        return [
-            self.levels(held_V, step_V),
-            joined(
-                f"{pulse}:WIDT MIN",
-                f"{pulse}:PER {period_of(duration_s):.9g}",
-                f"{pulse}:WIDT {duration_s:.9g}",
-            ),
-            joined(
-                f"{burst}:MODE TRIG",
-                f"{burst}:NCYC 1",
-                f"{burst}:TRIG:SOUR EXT",
-                f"{burst}:TRIG:SLOP POS",
-                f"{burst}:TDEL {delay_s:.9g}",
-                f"{burst}:IDLE BOTTOM",
-                f"{burst}:STAT ON",
-            ),
-        ]
-
-    def stepping(
-        self, load_ohm: float, held_V: float, step_V: float, duration_s: float, delay_s: float
-    ) -> Wanted:
-        """Return what has to be read of a channel that waits for a trigger."""
-        return {
-            f"{self._sour}:FUNC?": "PULS",
-            f"{self._sour}:VOLT:LOW?": min(held_V, held_V + step_V),
-            f"{self._sour}:VOLT:HIGH?": max(held_V, held_V + step_V),
-            f"{self._sour}:FUNC:PULS:WIDT?": duration_s,
-            f"{self._out}:POL?": "NORM" if step_V > 0 else "INV",
-            f"{self._out}:LOAD?": load_ohm,
-            f"{self._sour}:BURS:STAT?": "ON",
-            f"{self._sour}:BURS:NCYC?": 1.0,
-            f"{self._sour}:BURS:TRIG:SOUR?": "EXT",
-            f"{self._sour}:BURS:TDEL?": delay_s,
-            self.output: "ON",
-        }
+    def waits(self, delay_s: float) -> Wanted:
+        """Return what has to be read of that."""
+        return {f"{self._sour}:BURS:TRIG:SOUR?": "EXT", f"{self._sour}:BURS:TDEL?": delay_s}
