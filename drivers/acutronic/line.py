@@ -13,7 +13,7 @@ from drivers.acutronic.axis import AxisState
 from drivers.acutronic.prefix import PrefixedLine
 from drivers.transport.exchanges import NEVER, Repeatable, shortened
 from drivers.transport.ports import SerialSettings
-from drivers.transport.text_line import SerialLine, TextLine, odd
+from drivers.transport.text_line import SerialLine, TextLine
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -166,7 +166,7 @@ class AclLine:
 
     def odd(self, message: str, answer: str) -> InstrumentError:
         """Return the error of an answer that is none."""
-        return odd(self._place.name, f"asked {message}", answer)
+        return self._line.odd(message, answer)
 
     def _told(self, message: str) -> Answer:
         if self._framed:

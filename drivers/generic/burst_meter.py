@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings, odd
+from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place
@@ -59,6 +59,7 @@ class BurstMeter(ScpiDriver):
     function: ClassVar[Function]
     integration_cycles: ClassVar[tuple[float, ...]]
     most_readings: ClassVar[int] = MAX_READINGS
+    when_odd = "check the cable and that nobody else talks to the instrument"
 
     @abstractmethod
     def _set_up(self, range_: float, nplc: float, auto_zero: bool | None) -> None:
@@ -217,25 +218,17 @@ class BurstMeter(ScpiDriver):
         values = self._numbers(question, answer)
         # 9.91E+37 says that there is no reading; an overload is one.
         if len(values) != readings or (np.abs(values) > OVERLOAD * 1.0005).any():
-            raise self._odd(question, answer)
+            raise self._line.odd(question, answer)
         return values
 
     def _numbers(self, question: str, answer: str) -> NDArray[np.float64]:
         try:
             values = np.array([float(text) for text in answer.split(",")])
         except ValueError:
-            raise self._odd(question, answer) from None
+            raise self._line.odd(question, answer) from None
         if not np.isfinite(values).all():
-            raise self._odd(question, answer)
+            raise self._line.odd(question, answer)
         return values
-
-    def _odd(self, question: str, answer: str) -> InstrumentError:
-        return odd(
-            self.place.name,
-            f"asked {question}",
-            answer,
-            "check the cable and that nobody else talks to the instrument",
-        )
 
 
 def is_overload(values: NDArray[np.float64] | float) -> NDArray[np.bool_]:

@@ -52,6 +52,7 @@ class CoilGenerator(ScpiDriver):
     longest_delay_s: ClassVar[float]
     deadlines: ClassVar[Mapping[str, float]] = {r"\*RST": 2.0}
     """Not documented for any of the models: taken as 2 s."""
+    when_odd = "check its address in the bench file, its cable, and that nobody else talks to it"
 
     @abstractmethod
     def _messages_of(self, channel: int) -> ChannelMessages:
@@ -240,11 +241,7 @@ class CoilGenerator(ScpiDriver):
 
     def _prove(self, wanted: dict[str, str | float]) -> None:
         """Ask for every setting in one exchange; InstrumentError where one reads otherwise."""
-        question = joined(*wanted)
-        answer = self._line.query(question)
-        answers = answer.split(";")
-        if len(answers) != len(wanted):
-            raise self._odd(question, answer)
+        answers = self._line.answers(dict.fromkeys(wanted, str))
         for (query, expected), has in zip(wanted.items(), answers, strict=True):
             if differs(expected, has):
                 raise self.error(
@@ -258,19 +255,8 @@ class CoilGenerator(ScpiDriver):
     @patience()
     def _outputs(self) -> dict[int, bool]:
         """Return which outputs are on, and publish whether any is."""
-        question = joined(*(messages.output for messages in self._messages.values()))
-        answers = self._line.query(question).split(";")
-        if len(answers) != len(CHANNELS) or not set(answers) <= set(STATES):
-            raise self._odd(question, ";".join(answers))
-        outputs = {
-            channel: STATES[answer] for channel, answer in zip(CHANNELS, answers, strict=True)
-        }
+        questions = [messages.output for messages in self._messages.values()]
+        states = self._line.answers(dict.fromkeys(questions, STATES.__getitem__))
+        outputs = dict(zip(CHANNELS, states, strict=True))
         self.place.publish("output", "on" if any(outputs.values()) else "off")
         return outputs
-
-    def _odd(self, question: str, answer: str) -> InstrumentError:
-        return self.error(
-            f"asked {shortened(question)}",
-            f"{shortened(answer)!r} came back",
-            "check its address in the bench file, its cable, and that nobody else talks to it",
-        )

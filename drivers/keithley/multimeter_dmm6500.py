@@ -107,12 +107,7 @@ class KeithleyDmm6500(Voltmeter):
         written = f'"{value}"' if header == "SENS:FUNC" else value
         self._line.command(f"ABOR;:{header} {written}")
         has = self._has(header)
-        if not same(value, has):
-            raise self.error(
-                f"set {header} to {value}",
-                f"it reads back {has}",
-                "check that nobody works at its front panel, then run again",
-            )
+        self.check_set(header, value, has, agrees=same(value, has))
 
     def _initiate(self, readings: int) -> None:
         loop = f'TRIG:LOAD "SimpleLoop",{readings},0,{BUFFER}'
@@ -123,7 +118,7 @@ class KeithleyDmm6500(Voltmeter):
         answer = self._line.query(question)
         state = answer.partition(";")[0].strip().upper()
         if state not in RUNNING + STOPPED:
-            raise self._odd(question, answer)
+            raise self._line.odd(question, answer)
         return state in RUNNING, self._count()
 
     def _read_out(self, readings: int) -> NDArray[np.float64]:
@@ -139,7 +134,7 @@ class KeithleyDmm6500(Voltmeter):
         question = f"TRAC:ACT? {BUFFER}"
         answer = self._line.query(question)
         if not answer.strip().isdigit():
-            raise self._odd(question, answer)
+            raise self._line.odd(question, answer)
         return int(answer)
 
     def _part(self, first: int, last: int) -> NDArray[np.float64]:

@@ -91,12 +91,8 @@ class TruevoltMeter(BurstMeter):
             self._line.command(message)
         for setting, wanted in (("RANG", range_), ("NPLC", nplc)):
             has = self._line.number(f"{header}:{setting}?")
-            if abs(has - wanted) > 1e-6 * wanted:
-                raise self.error(
-                    f"set {header}:{setting} to {wanted:g}",
-                    f"it reads back {has:g}",
-                    "check that nobody works at its front panel, then run again",
-                )
+            agrees = abs(has - wanted) <= 1e-6 * wanted
+            self.check_set(f"{header}:{setting}", f"{wanted:g}", f"{has:g}", agrees=agrees)
         self._known = True
 
     def _initiate(self, readings: int) -> None:
@@ -104,12 +100,7 @@ class TruevoltMeter(BurstMeter):
         self._line.command(f"ABOR;:SAMP:COUN {readings};:INIT")
 
     def _looked(self) -> tuple[bool, int]:
-        question = "STAT:OPER:COND?;:DATA:POIN?"
-        answer = self._line.query(question)
-        try:
-            condition, points = (int(part) for part in answer.split(";"))
-        except ValueError:
-            raise self._odd(question, answer) from None
+        condition, points = self._line.answers({"STAT:OPER:COND?": int, "DATA:POIN?": int})
         return bool(condition & STILL_AT_IT), points
 
     def _read_out(self, readings: int) -> NDArray[np.float64]:

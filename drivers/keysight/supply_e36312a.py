@@ -24,8 +24,9 @@ Commands and their sources:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
@@ -44,6 +45,21 @@ TOLERANCE = 2e-3
 
 SETTLING_S = 0.2
 ON = {"1": True, "ON": True, "0": False, "OFF": False}
+
+
+def is_on(answer: str) -> bool:
+    """Return which of two states an answer is; KeyError for one that is neither."""
+    return ON[answer.strip().upper()]
+
+
+LOOKED_AT: dict[str, Callable[[str], Any]] = {
+    "MEAS:VOLT": str,
+    "MEAS:CURR": str,
+    "OUTP": is_on,
+    "CURR:PROT:TRIP": is_on,
+    "VOLT:PROT:TRIP": is_on,
+}
+"""What one exchange asks of the output."""
 
 
 class Look(NamedTuple):
@@ -83,6 +99,7 @@ class KeysightE36312A(ScpiDriver):
         r"OUTP OFF,\(@\d\)",
     )
     without_limits: ClassVar[str] = "the device is not switched on"
+    when_odd = "check its address in the bench file, and that nobody else talks to it"
 
     def __init__(self, place: Place) -> None:
         super().__init__(place)
@@ -203,12 +220,9 @@ class KeysightE36312A(ScpiDriver):
             ("VOLT", self._voltage_V),
         ):
             has = self._line.number(f"{header}? {self._at}")
-            if abs(has - wanted) > TOLERANCE * max(1.0, wanted):
-                raise self.error(
-                    f"set {header} of output {self._channel} to {wanted:g}",
-                    f"it reads back {has:g}",
-                    "check that nobody works at its front panel, then run again",
-                )
+            agrees = abs(has - wanted) <= TOLERANCE * max(1.0, wanted)
+            what = f"{header} of output {self._channel}"
+            self.check_set(what, f"{wanted:g}", f"{has:g}", agrees=agrees)
 
     def _look(self) -> Look:
         """Read the output; cut it and raise InstrumentError where the device takes too much."""
@@ -238,29 +252,12 @@ class KeysightE36312A(ScpiDriver):
     @patience()
     def _asked(self) -> Look:
         """Return what one exchange says, and publish it."""
-        question = (
-            f"MEAS:VOLT? {self._at};:MEAS:CURR? {self._at};:OUTP? {self._at}"
-            f";:CURR:PROT:TRIP? {self._at};:VOLT:PROT:TRIP? {self._at}"
-        )
-        answer = self._line.query(question)
-        try:
-            volts, amperes, *states = answer.split(";")
-            on, current_trip, voltage_trip = (ON[state.strip().upper()] for state in states)
-            voltage_V, current_A = numbers_of(
-                self.place.name, shortened(question), [volts, amperes]
-            )
-            look = Look(
-                voltage_V,
-                current_A,
-                on,
-                "over-current" if current_trip else "over-voltage" if voltage_trip else "",
-            )
-        except (ValueError, KeyError):
-            raise self.error(
-                f"asked {shortened(question)}",
-                f"{shortened(answer)!r} came back",
-                "check its address in the bench file, and that nobody else talks to it",
-            ) from None
+        questions = {f"{header}? {self._at}": read for header, read in LOOKED_AT.items()}
+        volts, amperes, on, current_trip, voltage_trip = self._line.answers(questions)
+        sent = shortened(";:".join(questions))
+        voltage_V, current_A = numbers_of(self.place.name, sent, [volts, amperes])
+        trip = "over-current" if current_trip else "over-voltage" if voltage_trip else ""
+        look = Look(voltage_V, current_A, on, trip)
         self.place.publish("voltage", look.voltage_V, "V")
         self.place.publish("current", look.current_A, "A")
         self.place.publish("output", "on" if look.on else "off")

@@ -35,7 +35,7 @@ from pydantic import Field
 
 from drivers.transport.exchanges import Repeatable, shortened
 from drivers.transport.ports import BaudRate, DataBits, Parity, SerialSettings
-from drivers.transport.text_line import SerialLine, number_of, odd
+from drivers.transport.text_line import SerialLine, number_of
 from station.errors import InputError
 from station.fields import Second
 from station.roles import Block, Driver, Identity, Place, published, quantity
@@ -107,7 +107,7 @@ class Lakeshore425(Driver):
         answer = self._ask("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         if len(parts) != 4 or not re.match(self.recognises, answer):
-            raise odd(self.place.name, "asked *IDN?", answer)
+            raise self._line.odd("*IDN?", answer)
         return Identity(parts[0], parts[1], parts[2], parts[3])
 
     def turn_to(self, axis: str) -> None:

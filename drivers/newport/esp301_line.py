@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from drivers.transport.exchanges import NEVER, Repeatable, shortened
 from drivers.transport.ports import SerialSettings, serial_port
-from drivers.transport.text_line import TextLine, odd
+from drivers.transport.text_line import TextLine
 from station.errors import InstrumentError
 from station.roles import Place
 
@@ -105,10 +105,6 @@ class EspLine(TextLine):
         return InstrumentError(
             self._place.name, attempted, f"{meaning} (error {code}, {shortened(text)})", do_now
         )
-
-    def odd(self, message: str, answer: str) -> InstrumentError:
-        """Return the error of an answer that is none."""
-        return odd(self._place.name, f"asked {message}", answer)
 
     def _error(self, message: str) -> tuple[int, str]:
         answer = self.query(message)

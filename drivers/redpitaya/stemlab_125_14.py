@@ -37,8 +37,7 @@ from numpy.typing import NDArray
 
 from drivers.redpitaya.stemlab_settings import SLOTS, BoardSettings, CannotRecord, Record
 from drivers.transport.exchanges import Repeatable, shortened
-from drivers.transport.text_line import VisaLine, not_this_model, odd
-from station.errors import InstrumentError
+from drivers.transport.text_line import VisaLine, not_this_model
 from station.roles import Block, Driver, Identity, Place, SafetyReading, quantity
 
 Answer = TypeVar("Answer")
@@ -82,7 +81,13 @@ class RedPitaya(Driver):
         self._fired_s: float | None = None
         # Held while a record is begun, and for the whole of a single look of an interlock's.
         self._turn = place.clock.lock(f"{place.name} record")
-        self._line = VisaLine(place, request_end=END, answer_end=END, repeatable=self.repeatable)
+        self._line = VisaLine(
+            place,
+            request_end=END,
+            answer_end=END,
+            repeatable=self.repeatable,
+            when_odd=OTHERS,
+        )
 
     def identify(self) -> Identity:
         """Ask `*IDN?`: maker, model, a serial number that is 0, firmware."""
@@ -264,7 +269,7 @@ class RedPitaya(Driver):
     def _whole(self, question: str) -> int:
         answer = self._word(question)
         if not answer.isdecimal():
-            raise self._odd(question, answer)
+            raise self._line.odd(question, answer)
         return int(answer)
 
     def _from(self, start: int, count: int) -> str:
@@ -280,10 +285,7 @@ class RedPitaya(Driver):
                 raise ValueError
             values = np.array([float(text) for text in answer[1:-1].split(",")])
         except ValueError:
-            raise self._odd(question, answer) from None
+            raise self._line.odd(question, answer) from None
         if len(values) != count or not np.isfinite(values).all():
-            raise self._odd(question, answer)
+            raise self._line.odd(question, answer)
         return values
-
-    def _odd(self, question: str, answer: str) -> InstrumentError:
-        return odd(self.place.name, f"asked {question}", answer, OTHERS)

@@ -150,6 +150,22 @@ class ModbusLine(ExchangeLine):
         if reply.address != address or not echo:
             raise self._wrong(attempted, "the answer is to another request")
 
+    def set(self, address: int, word: int) -> None:
+        """Write one register and read it back; InstrumentError for another value."""
+        self.write(address, [word])
+        (read_back,) = self.read(address)
+        if read_back != word:
+            raise self.another(address, signed(word), signed(read_back))
+
+    def another(self, address: int, written: float, read_back: float) -> InstrumentError:
+        """Return the error of a value that reads back as another one."""
+        return InstrumentError(
+            self._place.name,
+            f"write {written:g} to register {address}",
+            f"{read_back:g} reads back",
+            "see that nobody works at the controller's panel, then run again",
+        )
+
     def tell(self, address: int, value: int) -> None:
         """Send that a register is written and wait for no answer: a last attempt."""
         request = WriteSingleRegisterRequest(address=address, registers=[value])
@@ -238,6 +254,11 @@ class ModbusLine(ExchangeLine):
         except (ModbusException, IndexError, ValueError) as error:
             what = f"{shown(answer)} came back, which is no Modbus ({reason_of(error)})"
             raise self._wrong(attempted, what) from error
+
+
+def signed(word: int) -> int:
+    """Return a register as a signed number."""
+    return word - 0x10000 if word & 0x8000 else word
 
 
 def shown(data: bytes, most: int = 24) -> str:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from itertools import islice
 from types import MappingProxyType
-from typing import ClassVar, TypedDict, Unpack
+from typing import ClassVar, TypedDict, TypeVar, Unpack
 
 from pydantic import Field
 
@@ -15,6 +15,8 @@ from drivers.transport.exchanges import NEVER, ExchangeLine, Repeatable, shorten
 from drivers.transport.ports import Attachment, Port, SerialSettings, serial_port, visa_resource
 from station.errors import AnotherInstrument, InstrumentError
 from station.roles import Driver, DriverSettings, Identity, Place
+
+Value = TypeVar("Value")
 
 ENCODING = "ascii"
 LEARN_TRIES = 3
@@ -33,6 +35,7 @@ class Form(TypedDict, total=False):
     deadlines: Mapping[str, float]
     pause_s: float
     ignores_empty: bool
+    when_odd: str
 
 
 class TextLine(ExchangeLine):
@@ -42,7 +45,8 @@ class TextLine(ExchangeLine):
     question whose answer no other question has: the answer that it got last is what
     `echoes_identity` compares with. Where the instrument takes an empty line for nothing
     (`ignores_empty`), one is sent when the line is opened anew: it ends whatever half of a request
-    may still stand there. `pause_s` is the run time that it needs between two messages.
+    may still stand there. `pause_s` is the run time that it needs between two messages, `when_odd`
+    what to do about an answer that is none.
     """
 
     def __init__(
@@ -58,6 +62,7 @@ class TextLine(ExchangeLine):
         deadlines: Mapping[str, float] = MappingProxyType({}),
         pause_s: float = 0.0,
         ignores_empty: bool = False,
+        when_odd: str = OTHER_ADDRESS,
     ) -> None:
         self._request_end = request_end.encode(ENCODING)
         self._answer_end = answer_end.encode(ENCODING)
@@ -66,6 +71,7 @@ class TextLine(ExchangeLine):
         self._identity: str | None = None
         self.pause_s = pause_s
         self._ignores_empty = ignores_empty
+        self._when_odd = when_odd
         super().__init__(place, attachment, repeatable, deadlines)
 
     def query(self, message: str, *, now: bool = False) -> str:
@@ -86,6 +92,23 @@ class TextLine(ExchangeLine):
         """Return the finite numbers of an answer, between commas; an empty answer has none."""
         answer = self.query(message)
         return numbers_of(self._place.name, message, answer.split(",") if answer else [])
+
+    def answers(self, questions: Mapping[str, Callable[[str], Value]]) -> list[Value]:
+        """Ask several questions in one message, each from the root; return what each answer is.
+
+        What reads an answer raises ValueError or KeyError for one that is none.
+        """
+        message = ";:".join(questions)
+        answer = self.query(message)
+        try:
+            pairs = zip(questions.values(), answer.split(";"), strict=True)
+            return [read(text) for read, text in pairs]
+        except (ValueError, KeyError):
+            raise self.odd(message, answer) from None
+
+    def odd(self, question: str, answer: str) -> InstrumentError:
+        """Return the error of an answer that is none."""
+        return odd(self._place.name, f"asked {shortened(question)}", answer, self._when_odd)
 
     def write(self, message: str) -> None:
         """Send `message`, which has no answer; whatever lies on the line, it is sent."""
@@ -280,6 +303,7 @@ class ScpiDriver(Driver):
     error_query: ClassVar[str] = ERROR_QUERY
     no_error: ClassVar[str] = NO_ERROR
     answer_end: ClassVar[str] = "\n"
+    when_odd: ClassVar[str] = OTHER_ADDRESS
 
     def __init__(self, place: Place) -> None:
         self.place = place
@@ -290,6 +314,7 @@ class ScpiDriver(Driver):
             answer_end=self.answer_end,
             repeatable=self.repeatable,
             deadlines=self.deadlines,
+            when_odd=self.when_odd,
         )
 
     def identify(self) -> Identity:

@@ -39,7 +39,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from drivers.transport.exchanges import Repeatable
-from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings
+from drivers.transport.modbus_line import ModbusLine, ModbusRefusal, ModbusSettings, signed
 from drivers.watlow.chamber import WatlowChamber
 from station.errors import AnotherInstrument
 from station.roles import Identity, Place
@@ -151,7 +151,7 @@ class WatlowF4(WatlowChamber):
 
     def _engage(self, temperature_degC: float) -> None:
         if self._event_register is not None:
-            self._write_word(self._event_register, 1)
+            self._line.set(self._event_register, 1)
         self._jump(temperature_degC)
 
     def _disengage(self) -> None:
@@ -196,17 +196,7 @@ class WatlowF4(WatlowChamber):
         return signed(word) / per_K
 
     def _write(self, address: int, temperature_degC: float) -> None:
-        self._write_word(address, round(temperature_degC * self._scale()) & 0xFFFF)
-
-    def _write_word(self, address: int, word: int) -> None:
-        self._line.write(address, [word])
-        (read_back,) = self._line.read(address)
-        if read_back != word:
-            raise self.error(
-                f"write {signed(word)} to register {address}",
-                f"{signed(read_back)} reads back",
-                "see that nobody works at the controller's panel, then run again",
-            )
+        self._line.set(address, round(temperature_degC * self._scale()) & 0xFFFF)
 
     def _scale(self) -> float:
         """Return the counts in a kelvin, read once."""
@@ -220,8 +210,3 @@ class WatlowF4(WatlowChamber):
                 )
             self._per_K = 10.0**decimals
         return self._per_K
-
-
-def signed(word: int) -> int:
-    """Return a register as a signed number."""
-    return word - 0x10000 if word & 0x8000 else word

@@ -43,7 +43,7 @@ from drivers.transport.modbus_line import (
     ModbusSettings,
 )
 from drivers.watlow.chamber import LOOK_S, WatlowChamber
-from station.errors import AnotherInstrument, InstrumentError
+from station.errors import AnotherInstrument
 from station.roles import Identity, Place
 
 LOW_FIRST = "low-first"
@@ -123,23 +123,7 @@ class F4TRegisters:
         self.line.write(address, (low, high) if self._low_first else (high, low))
         read_back = self.number(address)
         if not abs(read_back - value) <= 1e-6 * abs(value) + 1e-6:
-            raise self.another(f"write {value:g} to register {address}", f"{read_back:g}")
-
-    def write_word(self, address: int, value: int) -> None:
-        """Write one register and read it back; InstrumentError for another value."""
-        self.line.write(address, [value])
-        (read_back,) = self.line.read(address)
-        if read_back != value:
-            raise self.another(f"write {value} to register {address}", str(read_back))
-
-    def another(self, attempted: str, read_back: str) -> InstrumentError:
-        """Return the error of a value that reads back as another one."""
-        return InstrumentError(
-            self._place.name,
-            attempted,
-            f"{read_back} reads back",
-            "see that nobody works at the controller's panel, then run again",
-        )
+            raise self.line.another(address, value, read_back)
 
     def _bytes(self, words: list[int]) -> bytes:
         first, second = words
@@ -320,4 +304,4 @@ class WatlowF4T(WatlowChamber):
         return self._line.read(address + self._shift)[0]
 
     def _set_word(self, address: int, value: int) -> None:
-        self.registers.write_word(address + self._shift, value)
+        self._line.set(address + self._shift, value)

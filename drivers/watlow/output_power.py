@@ -103,7 +103,7 @@ class WatlowOutputPower(Driver):
 
     def _set(self, wanted: int) -> None:
         try:
-            self._registers.write_word(self._switch, wanted)
+            self._registers.line.set(self._switch, wanted)
         except ModbusRefusal as refusal:
             raise self._missing(refusal) from refusal
         until_s = self.place.clock.now() + SWITCHES_WITHIN_S

@@ -295,6 +295,12 @@ class Driver:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
         return InstrumentError(self.place.name, attempted, came_back, do_now)
 
+    def check_set(self, what: str, wanted: str, has: str, *, agrees: bool) -> None:
+        """Raise InstrumentError where a setting reads back otherwise than it was set."""
+        if not agrees:
+            do_now = "check that nobody works at its front panel, then run again"
+            raise self.error(f"set {what} to {wanted}", f"it reads back {has}", do_now)
+
     def limit(self, name: str) -> float:
         """Return a limit of the bench file; InstrumentError where it gives none."""
         if name not in self.place.limits:
