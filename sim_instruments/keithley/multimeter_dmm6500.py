@@ -16,28 +16,30 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from sim_instruments.faults.lasting import Frozen, Overload
+from sim_instruments.generic.converter import Converter, Function
 from sim_instruments.instrument import Setting
 from sim_instruments.keithley.multimeter_dmm6500_loop import SimpleLoop
-from sim_instruments.keysight.multimeter_34465a_converter import Converter, Function
-from sim_instruments.keysight.multimeter_34465a_settings import unquoted
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import (
-    TEXTS,
     ErrorQueue,
     ScpiError,
     boolean,
     choice,
     numeric,
     single_parameter,
+    unquoted,
     whole_number,
+    word,
+    words,
 )
-from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.wire.scpi_device import Pair, ScpiDevice
 from sim_instruments.world.piecewise import Array
 
 LANGUAGES = ("SCPI", "TSP", "SCPI2000", "SCPI34401")
@@ -50,31 +52,22 @@ HEADERS = {
     "FRES": "FRESistance",
 }
 NAMES = {"VOLTAGE": "VOLT", "CURRENT": "CURR", "RESISTANCE": "RES", "FRESISTANCE": "FRES"}
-INPUTS = {"AUTO": "AUTO", "MOHM10": "MOHM10"}
-READ = {"READ": "READ", "READING": "READ"}
 MIN_CYCLES = 0.0005
 
 
 class EventLog(ErrorQueue):
     """Its errors, each with the severity and the time."""
 
+    overflow = 0
+
     def __init__(self, depth: int, now_s: Callable[[], float]) -> None:
-        super().__init__(depth)
+        super().__init__(depth, '0,"No error;0;0 0"')
         self._now_s = now_s
-        self._texts: list[str] = []
 
-    def push(self, code: int) -> None:
-        """Append an error."""
-        super().push(code)
+    def entry(self, text: str, code: int) -> str:
+        """Return an error as it is answered."""
         at = datetime.fromtimestamp(self._now_s(), UTC).strftime("%Y/%m/%d %H:%M:%S.%f")[:-3]
-        self._texts = [*self._texts[: len(self) - 1], f'{code},"{TEXTS[code]};1;{at}"']
-
-    def pop(self) -> str:
-        """Return and remove the oldest error."""
-        if not self:
-            return '0,"No error;0;0 0"'
-        super().pop()
-        return self._texts.pop(0)
+        return super().entry(f"{text};1;{at}", code)
 
 
 @dataclass
@@ -93,7 +86,7 @@ def functions() -> dict[str, Measured]:
     amperes = (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.0)
     ohms = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8)
     return {
-        # The converter knows its functions by their names on the 34465A.
+        # The converter knows its functions by the short names of SCPI.
         "VOLT:DC": Measured("VOLT", "VDC", volts, 1, range=1000.0, cycles=1.0),
         "VOLT:AC": Measured("VOLT:AC", "VAC", (0.1, 1.0, 10.0, 100.0, 750.0), 1, range=750.0),
         "CURR:DC": Measured("CURR", "ADC", amperes, 2, range=3.0, cycles=1.0),
@@ -111,14 +104,14 @@ class KeithleyDmm6500(ScpiDevice):
 
     model = "Keithley DMM6500"
     at_once = False
+    number_form = ".7G"
 
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
     def __init__(self, setting: Setting) -> None:
         super().__init__(f"KEITHLEY INSTRUMENTS,MODEL DMM6500,{setting.serial},1.7.12b")
         self._clock, self._lock = setting.clock, setting.world.lock
-        self.errors: EventLog = EventLog(self.error_queue_depth, self._clock.now)
-        self.tree.add("SYSTem:ERRor[:NEXT]?", self._answer(self.errors.pop))
+        self.errors = EventLog(self.error_queue_depth, self._clock.now)
         self._language = setting.truth.text("command_set", "SCPI")
         if self._language not in LANGUAGES:
             raise SimulationError(f"command_set: one of {', '.join(LANGUAGES)} was expected")
@@ -127,8 +120,7 @@ class KeithleyDmm6500(ScpiDevice):
         self._functions = functions()
         self._chosen = "VOLT:DC"
         self._values = np.empty(0)
-        self._add_settings()
-        self._add_measuring()
+        self._add_all()
         self.begin_to_serve(setting, self._lock)
 
     def execute(self, message: str) -> str | None:
@@ -139,64 +131,64 @@ class KeithleyDmm6500(ScpiDevice):
 
     def reset(self) -> None:
         """Go to DC volts on its highest range with autoranging, the buffer empty."""
-        self._loop.abort()
+        self._loop.stop()
         self._functions, self._chosen = functions(), "VOLT:DC"
         self._values = np.empty(0)
 
     def before_each(self) -> None:
         """Take the readings that have become finished into the buffer."""
-        starts_s = self._loop.finished(self._clock.now())
+        starts_s = self._loop.finished(self._clock.now(), CAPACITY)
         if len(starts_s):
             new = self._converter.read(self._functions[self._chosen], starts_s)
             self._values = np.concatenate([self._values, new])[-CAPACITY:]
 
-    def _add_settings(self) -> None:
-        self.add_settings(
+    def _add_all(self) -> None:
+        loop = self._loop
+        self.add_commands(
             {
-                "*LANG": (lambda text: self._choose_language(text), lambda: self._language),
-                "SYSTem:LFRequency": (None, lambda: f"{self._converter.line_frequency_Hz:.0f}"),
-                "ROUTe:TERMinals": (None, lambda: "FRON"),
-                "FORMat[:DATA]": (
-                    lambda text: void(choice(text, {"ASC": "ASC", "ASCII": "ASC"})),
-                    lambda: "ASC",
-                ),
+                # Another command set takes effect at the next start.
+                "*LANG": (word(*LANGUAGES), lambda: self._language),
+                "SYSTem:LFRequency?": lambda: f"{self._converter.line_frequency_Hz:.0f}",
+                "ROUTe:TERMinals?": lambda: "FRON",
+                "FORMat[:DATA]": (word("ASCii"), lambda: "ASC"),
+                "TRIGger:STATe?": lambda: loop.state,
+                "INITiate[:IMMediate]": self._initiate,
+                "ABORt": loop.stop,
+                "READ?": self._read,
+                "FETCh?": lambda: self._part(len(self._values), len(self._values)),
+                "*OPC?": lambda: self._when_idle("1"),
+                "*WAI": lambda: self._when_idle(""),
             }
         )
+        self.add_commands({"FUNCtion": (self._choose, lambda: self._chosen)}, "", "SENSe:")
         for name, header in HEADERS.items():
-            for root in ("", "SENSe:"):
-                self._add_function(root + header, name)
-            self.add_settings(
-                {f"CALCulate:{header}:MATH:STATe": self._switch(name, "scaled")},
-            )
-        self.add_settings({"FUNCtion": (self._choose, lambda: self._chosen)}, "", "SENSe:")
+            self.add_commands(self._function(name), f"{header}:", f"SENSe:{header}:")
+            scaled = {"MATH:STATe": self._held(name, "scaled", boolean)}
+            self.add_commands(scaled, f"CALCulate:{header}:")
+        self.tree.add("TRIGger:LOAD", loop.load)
+        self.tree.add("TRACe:CLEar", self._clear_buffer)
+        self.tree.add("TRACe:ACTual?", lambda given: str(len(self._values)) * buffered(given))
+        self.tree.add("TRACe:POINts?", lambda given: str(CAPACITY) * buffered(given))
+        self.tree.add("TRACe:DATA?", self._data)
 
-    def _add_function(self, header: str, name: str) -> None:
-        self.add_settings(
-            {
-                "RANGe[:UPPer]": (
-                    lambda text: self._set_range(name, text),
-                    lambda: shown(self._functions[name].range),
-                ),
-                "RANGe:AUTO": self._switch(name, "autorange"),
-                "NPLCycles": (
-                    lambda text: self._set(name, "cycles", self._cycles(text)),
-                    lambda: shown(self._functions[name].cycles),
-                ),
-                "AZERo[:STATe]": self._switch(name, "zero_on"),
-                "INPutimpedance": (
-                    lambda text: self._set(name, "high_input", choice(text, INPUTS)),
-                    lambda: self._functions[name].high_input,
-                ),
-                "AVERage[:STATe]": self._switch(name, "filtered"),
-                "RELative:STATe": self._switch(name, "nulled"),
-            },
-            f"{header}:",
-        )
+    def _function(self, name: str) -> dict[str, Pair]:
+        return {
+            "RANGe[:UPPer]": (
+                partial(self._set_range, name),
+                lambda: self._functions[name].range,
+            ),
+            "RANGe:AUTO": self._held(name, "autorange", boolean),
+            "NPLCycles": self._held(name, "cycles", self._cycles),
+            "AZERo[:STATe]": self._held(name, "zero_on", boolean),
+            "INPutimpedance": self._held(name, "high_input", word("AUTO", "MOHM10")),
+            "AVERage[:STATe]": self._held(name, "filtered", boolean),
+            "RELative:STATe": self._held(name, "nulled", boolean),
+        }
 
-    def _switch(self, name: str, what: str) -> tuple[Callable[[str], None], Callable[[], str]]:
+    def _held(self, name: str, what: str, read: Callable[[str], object]) -> Pair:
         return (
-            lambda text: self._set(name, what, boolean(text)),
-            lambda: str(int(getattr(self._functions[name], what))),
+            lambda text: self._set(name, what, read(text)),
+            lambda: getattr(self._functions[name], what),
         )
 
     def _set(self, name: str, what: str, value: Any) -> None:
@@ -226,25 +218,6 @@ class KeithleyDmm6500(ScpiDevice):
             raise ScpiError(-221)
         self._chosen = name
 
-    def _choose_language(self, text: str) -> None:
-        # It takes effect at the next start.
-        choice(text, {language: language for language in LANGUAGES})
-
-    def _add_measuring(self) -> None:
-        add, answer, do = self.tree.add, self._answer, self._do
-        add("TRIGger:LOAD", self._loop.load)
-        add("TRIGger:STATe?", answer(lambda: self._loop.state))
-        add("INITiate[:IMMediate]", do(self._initiate))
-        add("ABORt", do(self._loop.abort))
-        add("TRACe:CLEar", self._clear_buffer)
-        add("TRACe:ACTual?", self._count)
-        add("TRACe:POINts?", lambda parameters: str(CAPACITY) if buffered(parameters) else None)
-        add("TRACe:DATA?", self._data)
-        add("READ?", answer(self._read))
-        add("FETCh?", answer(lambda: self._part(len(self._values), len(self._values))))
-        add("*OPC?", answer(lambda: self._when_idle("1")))
-        add("*WAI", do(lambda: void(self._when_idle(""))))
-
     def _initiate(self) -> None:
         busy_s = self._converter.busy_s(self._functions[self._chosen])
         self._loop.initiate(self._clock.now(), busy_s)
@@ -253,15 +226,12 @@ class KeithleyDmm6500(ScpiDevice):
         if buffered(parameters):
             self._values = np.empty(0)
 
-    def _count(self, parameters: list[str]) -> str:
-        return str(len(self._values)) if buffered(parameters) else ""
-
     def _data(self, parameters: list[str]) -> str:
         if len(parameters) < 2:
             raise ScpiError(-109)
         buffered(parameters[2:3])
         for element in parameters[3:]:
-            choice(element, READ)
+            choice(element, words("READing"))
         first, last = (whole_number(text, 1, CAPACITY) for text in parameters[:2])
         return self._part(first, last)
 
@@ -284,20 +254,11 @@ class KeithleyDmm6500(ScpiDevice):
         return reply
 
 
-def void(_: object) -> None:
-    """Take a value that changes nothing."""
-
-
 def buffered(parameters: list[str]) -> bool:
     """Check that the buffer that is named, if any, is the only one there is; -224 otherwise."""
     if parameters and unquoted(single_parameter(parameters)).lower() != BUFFER:
         raise ScpiError(-224)
     return True
-
-
-def shown(value: float) -> str:
-    """Return a setting as the meter writes it."""
-    return f"{value:.7G}"
 
 
 def readings_text(values: Array) -> str:

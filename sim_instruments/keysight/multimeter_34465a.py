@@ -15,13 +15,20 @@ from typing import ClassVar
 import numpy as np
 
 from sim_instruments.faults.lasting import Frozen, Overload
+from sim_instruments.generic.converter import Converter
 from sim_instruments.instrument import Setting
-from sim_instruments.keysight.multimeter_34465a_converter import Converter
 from sim_instruments.keysight.multimeter_34465a_settings import Sense
 from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
 from sim_instruments.wire.requests import released
-from sim_instruments.wire.scpi import ScpiError, boolean, choice, single_parameter, whole_number
-from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.wire.scpi import (
+    ScpiError,
+    boolean,
+    choice,
+    single_parameter,
+    whole_number,
+    words,
+)
+from sim_instruments.wire.scpi_device import ScpiDevice, kept, taken
 from sim_instruments.world.piecewise import Array
 
 FIRMWARE = "A.03.01-03.15-03.01-00.52-04-02"
@@ -51,7 +58,7 @@ class Keysight34465A(ScpiDevice):
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__("")
+        super().__init__("", '+0,"No error"')
         self._serial, self._beeps = setting.serial, True
         self._identify(setting.truth.text("identity", "DEF"))
         self._clock, self._lock = setting.clock, setting.world.lock
@@ -61,10 +68,7 @@ class Keysight34465A(ScpiDevice):
         self._changed_since, self._overflowed, self._overload_reported = True, False, False
         self._display, self._lit = '""', True
         self._sense = Sense(self._converter, self._settings_changed, self._clock.now)
-        self._sense.add_to(self.tree)
-        self._add_measuring()
-        add_trigger_commands(self.tree, self._trigger, self._settings_changed, self._least_period_s)
-        self._add_system()
+        self._add_all()
         self.begin_to_serve(setting, self._lock)
 
     def operation_condition(self) -> int:
@@ -86,8 +90,8 @@ class Keysight34465A(ScpiDevice):
 
     def before_each(self) -> None:
         """Take the readings that have become finished into the memory."""
-        starts_s, new = self._trigger.finished(self._clock.now(), MEMORY)
-        if not new:
+        starts_s = self._trigger.finished(self._clock.now(), MEMORY)
+        if not len(starts_s):
             return
         used = self._sense.chosen
         values = self._converter.read(used, starts_s)
@@ -100,29 +104,48 @@ class Keysight34465A(ScpiDevice):
             self._overflowed = True
 
     def _settings_changed(self) -> None:
-        self._trigger.abort()
+        self._trigger.stop()
         self._readings, self._overflowed = [], False
         self._changed_since = True
 
     def _count(self) -> int:
         return sum(len(part) for part in self._readings)
 
-    def _add_measuring(self) -> None:
-        add, answer, do = self.tree.add, self._answer, self._do
-        add("INITiate[:IMMediate]", do(self._initiate))
-        add("ABORt", do(self._trigger.abort))
-        add("*TRG", do(lambda: self._trigger.trigger(self._clock.now())))
-        add("FETCh?", answer(self._fetch))
-        add("READ?", answer(self._read))
-        add("R?", self._remove_block)
-        add("*OPC?", answer(self._operation_complete_when_idle))
-        add("*WAI", do(self._wait))
-        add("DATA:LAST?", answer(self._last))
-        add("DATA:POINts?", answer(lambda: f"{self._count():+d}"))
-        add("DATA:REMove?", self._remove)
+    def _add_all(self) -> None:
+        trigger = self._trigger
+        self.add_commands(
+            {
+                "INITiate[:IMMediate]": self._initiate,
+                "ABORt": trigger.stop,
+                "*TRG": lambda: trigger.trigger(self._clock.now()),
+                "FETCh?": self._fetch,
+                "READ?": self._read,
+                "*OPC?": self._operation_complete_when_idle,
+                "*WAI": self._wait,
+                "DATA:LAST?": self._last,
+                "DATA:POINts?": lambda: f"{self._count():+d}",
+                "SYSTem:LFRequency?": lambda: f"{self._converter.line_frequency_Hz:+.0f}",
+                "SYSTem:PRESet": self.reset,
+                "SYSTem:BEEPer[:IMMediate]": lambda: None,
+                "SYSTem:BEEPer:STATe": kept(self, "_beeps", boolean),
+                "SYSTem:IDENtify": taken(self, "_identity", self._identify),
+                "SYSTem:LICense:CATalog?": lambda: '"' + OPTIONS.replace(",", '","') + '"',
+                "*OPT?": lambda: OPTIONS,
+                "ROUTe:TERMinals?": lambda: "FRON",
+                "FORMat[:DATA]?": lambda: "ASC,9",
+                "DISPlay[:STATe]": kept(self, "_lit", boolean),
+                "DISPlay:TEXT[:DATA]": kept(self, "_display", str),
+                "DISPlay:TEXT:CLEar": lambda: setattr(self, "_display", '""'),
+            }
+        )
+        self.tree.add("FORMat[:DATA]", self._set_format)
+        self.tree.add("R?", self._remove_block)
+        self.tree.add("DATA:REMove?", self._remove)
         for header, name in (("[:VOLTage][:DC]", "VOLT"), (":RESistance", "RES")):
             self._add_configuring(header, name)
         self._add_configuring(":FRESistance", "FRES")
+        self._sense.add_to(self.tree)
+        add_trigger_commands(self.tree, trigger, self._settings_changed, self._least_period_s)
 
     def _add_configuring(self, header: str, name: str) -> None:
         function = self._sense.functions[name]
@@ -138,44 +161,12 @@ class Keysight34465A(ScpiDevice):
         self.tree.add(f"CONFigure{header}", configure)
         self.tree.add(f"MEASure{header}?", measure)
 
-    def _add_system(self) -> None:
-        add, answer, do = self.tree.add, self._answer, self._do
-        add("SYSTem:ERRor[:NEXT]?", answer(lambda: signed(self.errors.pop())))
-        add("SYSTem:LFRequency?", answer(lambda: f"{self._converter.line_frequency_Hz:+.0f}"))
-        add("SYSTem:PRESet", do(self.reset))
-        add("SYSTem:BEEPer[:IMMediate]", do(lambda: None))
-        self.add_settings(
-            {
-                "SYSTem:IDENtify": (self._identify, lambda: self._identity),
-                "SYSTem:BEEPer:STATe": (self._set_beeper, lambda: str(int(self._beeps))),
-            }
-        )
-        add("SYSTem:LICense:CATalog?", answer(lambda: '"' + OPTIONS.replace(",", '","') + '"'))
-        add("*OPT?", answer(lambda: OPTIONS))
-        add("ROUTe:TERMinals?", answer(lambda: "FRON"))
-        add("FORMat[:DATA]", self._set_format)
-        add("FORMat[:DATA]?", answer(lambda: "ASC,9"))
-        add("DISPlay[:STATe]", self._light)
-        add("DISPlay[:STATe]?", answer(lambda: str(int(self._lit))))
-        add("DISPlay:TEXT[:DATA]", self._show)
-        add("DISPlay:TEXT[:DATA]?", answer(lambda: self._display))
-        add("DISPlay:TEXT:CLEar", do(lambda: self._show(['""'])))
-
     def _identify(self, text: str) -> None:
-        self._identity = choice(text, {name: name for name in IDENTITIES} | {"DEFAULT": "DEF"})
+        self._identity = choice(text, words("DEFault", "AT34410A", "AT34411A"))
         self.identity = f"{IDENTITIES[self._identity]},{self._serial},{FIRMWARE}"
 
-    def _set_beeper(self, text: str) -> None:
-        self._beeps = boolean(text)
-
     def _set_format(self, parameters: list[str]) -> None:
-        choice(parameters[0] if parameters else "", {"ASC": "ASC", "ASCII": "ASC"})
-
-    def _light(self, parameters: list[str]) -> None:
-        self._lit = boolean(single_parameter(parameters))
-
-    def _show(self, parameters: list[str]) -> None:
-        self._display = single_parameter(parameters)
+        choice("".join(parameters[:1]), words("ASCii"))
 
     def _least_period_s(self) -> float:
         return self._trigger.least_period_s(self._converter.busy_s(self._sense.chosen))
@@ -235,8 +226,3 @@ class Keysight34465A(ScpiDevice):
 def readings_text(values: Array) -> str:
     """Return readings as the meter writes them."""
     return ",".join(f"{value:+.8E}" for value in values.tolist())
-
-
-def signed(error: str) -> str:
-    """Return an entry of the error queue with the sign of its number."""
-    return error if error.startswith("-") else f"+{error}"

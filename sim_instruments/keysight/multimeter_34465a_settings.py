@@ -10,15 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from sim_instruments.keysight.multimeter_34465a_converter import (
+from sim_instruments.generic.converter import (
     APERTURES_S,
     CYCLES,
     RESOLUTION,
     Converter,
     Function,
-    functions,
 )
-from sim_instruments.wire.scpi import CommandTree, ScpiError, boolean, numeric, single_parameter
+from sim_instruments.wire.scpi import (
+    CommandTree,
+    ScpiError,
+    boolean,
+    numeric,
+    single_parameter,
+    unquoted,
+)
 
 HEADERS = {
     "VOLT": "VOLTage[:DC]",
@@ -38,15 +44,30 @@ NAMES = {
     "CONTINUITY": "CONT",
     "DIODE": "DIOD",
 }
+Give = Callable[[list[str]], str]
 GATES_S = ("FREQuency", "PERiod")
 """Functions whose aperture is a gate time: 1 ms, 10 ms, 100 ms or 1 s."""
 
 
-def unquoted(text: str) -> str:
-    """Return what stands between quotes; ScpiError -151 without them."""
-    if len(text) < 2 or text[0] not in "\"'" or text[-1] != text[0]:
-        raise ScpiError(-151)
-    return text[1:-1]
+def functions() -> dict[str, Function]:
+    """Return all functions as after `*RST`, by the name that `FUNC?` gives."""
+    volts = (0.1, 1.0, 10.0, 100.0, 1000.0)
+    amperes = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.0)
+    ohms = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
+    made = (
+        Function("VOLT", "VDC", volts, 1, range=10.0),
+        Function("VOLT:AC", "VAC", volts, 1, range=10.0),
+        Function("CURR", "ADC", amperes, 2, range=0.1),
+        Function("CURR:AC", "AAC", amperes, 2, range=0.1),
+        Function("RES", "OHM", ohms, 512, range=1e3),
+        Function("FRES", "OHM", ohms, 512, can_zero=False, range=1e3),
+        Function("VOLT:RAT", "", volts, 1, range=10.0),
+        Function("FREQ", "HZ", (3e5,), 1, can_zero=False, range=3e5),
+        Function("PER", "S", (3.33e-1,), 1, can_zero=False, range=3.33e-1),
+        Function("CONT", "OHM", (1e3,), 512, can_zero=False, range=1e3),
+        Function("DIOD", "VDC", (5.0,), 1, can_zero=False, range=5.0),
+    )
+    return {function.name: function for function in made}
 
 
 class Sense:
@@ -95,6 +116,43 @@ class Sense:
     def _add_function(self, tree: CommandTree, header: str, function: Function) -> None:
         converter = self._converter
 
+        def among(low: float, high: float, present: Callable[[], float]) -> Give:
+            return lambda p: f"{numeric(p[0], low, high, low) if p else present():+.8E}"
+
+        def switch(present: Callable[[], object]) -> Give:
+            return lambda _: str(int(bool(present())))
+
+        ranges = function.ranges
+        table: dict[str, tuple[Callable[[Function, str], None], Give]] = {
+            "RANGe[:UPPer]": (
+                self._set_range,
+                among(ranges[0], ranges[-1], lambda: function.range),
+            ),
+            "RANGe:AUTO": (self._set_autorange, switch(lambda: function.autorange)),
+        }
+        if not header.endswith(":AC"):
+            table |= {
+                "NPLCycles": (
+                    self._set_cycles,
+                    among(CYCLES[0], CYCLES[-1], lambda: function.cycles),
+                ),
+                "APERture": (
+                    self._set_aperture,
+                    among(*APERTURES_S, lambda: converter.aperture_s(function)),
+                ),
+                "APERture:ENABled": (self._enable_aperture, switch(lambda: function.aperture_s)),
+                "RESolution": (
+                    self._set_resolution,
+                    lambda _: f"{converter.resolution(function) * function.range:+.8E}",
+                ),
+            }
+            if function.can_zero:
+                table["ZERO:AUTO"] = self._set_zero, switch(lambda: function.zero_on)
+        if function.name == "VOLT":
+            # Neither impedance loads what the simulated worlds have to measure.
+            self._high_impedance = False
+            table["IMPedance:AUTO"] = self._set_impedance, switch(lambda: self._high_impedance)
+
         def setter(act: Callable[[Function, str], None]) -> Callable[[list[str]], None]:
             def handler(parameters: list[str]) -> None:
                 act(function, single_parameter(parameters))
@@ -103,40 +161,9 @@ class Sense:
 
             return handler
 
-        def limits(parameters: list[str], present: float, low: float, high: float) -> str:
-            return f"{numeric(parameters[0], low, high, low) if parameters else present:+.8E}"
-
-        lowest, highest = function.ranges[0], function.ranges[-1]
-        tree.add(f"{header}:RANGe[:UPPer]", setter(self._set_range))
-        tree.add(f"{header}:RANGe[:UPPer]?", lambda p: limits(p, function.range, lowest, highest))
-        tree.add(f"{header}:RANGe:AUTO", setter(self._set_autorange))
-        tree.add(f"{header}:RANGe:AUTO?", lambda _: str(int(function.autorange)))
-        if header.endswith(":AC"):
-            return
-        tree.add(f"{header}:NPLCycles", setter(self._set_cycles))
-        tree.add(
-            f"{header}:NPLCycles?", lambda p: limits(p, function.cycles, CYCLES[0], CYCLES[-1])
-        )
-        tree.add(f"{header}:APERture", setter(self._set_aperture))
-        tree.add(
-            f"{header}:APERture?",
-            lambda p: limits(p, converter.aperture_s(function), *APERTURES_S),
-        )
-        tree.add(f"{header}:APERture:ENABled", setter(self._enable_aperture))
-        tree.add(f"{header}:APERture:ENABled?", lambda _: str(int(bool(function.aperture_s))))
-        tree.add(f"{header}:RESolution", setter(self._set_resolution))
-        tree.add(
-            f"{header}:RESolution?",
-            lambda _: f"{converter.resolution(function) * function.range:+.8E}",
-        )
-        if function.can_zero:
-            tree.add(f"{header}:ZERO:AUTO", setter(self._set_zero))
-            tree.add(f"{header}:ZERO:AUTO?", lambda _: str(int(function.zero_on)))
-        if function.name == "VOLT":
-            # Neither impedance loads what the simulated worlds have to measure.
-            self._high_impedance = False
-            tree.add(f"{header}:IMPedance:AUTO", setter(self._set_impedance))
-            tree.add(f"{header}:IMPedance:AUTO?", lambda _: str(int(self._high_impedance)))
+        for name, (act, give) in table.items():
+            tree.add(f"{header}:{name}", setter(act))
+            tree.add(f"{header}:{name}?", give)
 
     def _add_gate(self, tree: CommandTree, header: str, name: str) -> None:
         def take(parameters: list[str]) -> None:

@@ -12,8 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
+from sim_instruments.generic.burst import BETWEEN_READINGS_S, Burst
 from sim_instruments.wire.scpi import (
     CommandTree,
     ScpiError,
@@ -21,21 +20,21 @@ from sim_instruments.wire.scpi import (
     choice,
     numeric,
     single_parameter,
+    within,
+    word,
+    words,
 )
 from sim_instruments.wire.scpi import whole_number as whole
-from sim_instruments.world.piecewise import Array
 
 MAX_SAMPLES = 1_000_000_000
 AUTOMATIC_DELAY_S = 1e-3
-BETWEEN_READINGS_S = 0.2e-3
-ROUNDING = 1e-6
-"""Of one reading: one that ends at this very moment is finished, whatever the last bit says."""
 
 
-class TriggerSystem:
+class TriggerSystem(Burst):
     """When readings begin; `reset` gives the state after `*RST`."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.reset()
 
     def reset(self) -> None:
@@ -45,28 +44,22 @@ class TriggerSystem:
         self.samples = 1
         self.delay_s: float | None = None
         self.timed, self.timer_s, self.before = False, 1.0, 0
-        self.abort()
+        self.stop()
 
-    def abort(self) -> None:
+    def stop(self) -> None:
         """Go idle."""
         self._triggers_left = 0.0
-        self._planned = self._taken = 0
-        self._begin_s = self._period_s = self._busy_s = 0.0
+        super().stop()
 
     @property
     def waiting(self) -> bool:
         """Whether a trigger is waited for."""
-        return self._taken == self._planned and self._triggers_left > 0
+        return not self.runs and self._triggers_left > 0
 
     @property
     def idle(self) -> bool:
         """Whether nothing is measured and nothing waited for."""
-        return self._taken == self._planned and not self._triggers_left
-
-    @property
-    def end_s(self) -> float:
-        """When the readings of the present trigger are finished."""
-        return self._begin_s + (self._planned - 1) * self._period_s + self._busy_s
+        return not self.runs and not self._triggers_left
 
     def pause_s(self) -> float:
         """Return the delay before a reading."""
@@ -82,46 +75,21 @@ class TriggerSystem:
             raise ScpiError(-213)
         self._busy_s = busy_s
         self._triggers_left = self.triggers
-        self._planned = self._taken = 0
         if self.source == "IMM":
-            at_once = min(self.triggers, MAX_SAMPLES)
             self._triggers_left = 0.0
-            self._start(now_s, self.samples * int(at_once))
+            self._begin(now_s, self.samples * int(min(self.triggers, MAX_SAMPLES)))
 
     def trigger(self, now_s: float) -> None:
         """Take a trigger over the line; ScpiError -211 when none is waited for."""
         if self.source != "BUS" or not self.waiting:
             raise ScpiError(-211)
         self._triggers_left -= 1
-        self._start(now_s, self.samples)
+        self._begin(now_s, self.samples)
 
-    def finished(self, now_s: float, room: int) -> tuple[Array, int]:
-        """Return when the newly finished readings began, and how many there are in all.
-
-        Of more than `room` only the last ones are reported.
-        """
-        new = 0
-        if self._taken < self._planned:
-            ended = (now_s - self._begin_s - self._busy_s) / self._period_s + ROUNDING
-            new = min(math.floor(ended) + 1, self._planned) - self._taken
-        if new <= 0:
-            return np.empty(0, dtype=np.float64), 0
-        self._taken += new
-        first = self._taken - min(new, room)
-        numbers = np.arange(first, self._taken, dtype=np.float64)
-        return self._begin_s + self._period_s * numbers, new
-
-    def _start(self, now_s: float, readings: int) -> None:
-        self._begin_s = now_s + self.pause_s()
+    def _begin(self, now_s: float, readings: int) -> None:
         period_s = self.least_period_s(self._busy_s)
-        self._period_s = max(period_s, self.timer_s) if self.timed else period_s
-        self._planned, self._taken = readings, 0
-
-
-SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "BUS": "BUS", "EXT": "EXT", "EXTERNAL": "EXT"}
-SOURCES |= {"INT": "INT", "INTERNAL": "INT"}
-SLOPES = {"POS": "POS", "POSITIVE": "POS", "NEG": "NEG", "NEGATIVE": "NEG"}
-PACES = {"IMM": "", "IMMEDIATE": "", "TIM": "TIM", "TIMER": "TIM"}
+        period_s = max(period_s, self.timer_s) if self.timed else period_s
+        self.start(readings, now_s + self.pause_s(), period_s, self._busy_s)
 
 
 def add_trigger_commands(
@@ -152,29 +120,19 @@ def add_trigger_commands(
     def interval(text: str) -> float:
         return numeric(text, min(least_period_s(), 3600.0), 3600.0, 1.0)
 
-    add("TRIGger:SOURce", "source", lambda t: choice(t, SOURCES), lambda: trigger.source)
-    add("TRIGger:SLOPe", "slope", lambda t: choice(t, SLOPES), lambda: trigger.slope)
+    def paced(text: str) -> bool:
+        return choice(text, words("IMMediate", "TIMer")) == "TIM"
+
+    sources, slopes = word("IMMediate", "BUS", "EXTernal", "INTernal"), word("POSitive", "NEGative")
+    level, pause = within(-1000.0, 1000.0, 0.0), within(0.0, 3600.0, 1.0)
+    add("TRIGger:SOURce", "source", sources, lambda: trigger.source)
+    add("TRIGger:SLOPe", "slope", slopes, lambda: trigger.slope)
     add("TRIGger:LEVel", "level_V", level, lambda: f"{trigger.level_V:+.8E}")
     add("TRIGger:COUNt", "triggers", many, lambda: f"{min(trigger.triggers, 9.9e37):+.8E}")
     add("TRIGger:DELay", "delay_s", pause, lambda: f"{trigger.pause_s():+.8E}")
     add("TRIGger:DELay:AUTO", "delay_s", delay, lambda: str(int(trigger.delay_s is None)))
     add("SAMPle:COUNt", "samples", count, lambda: f"{trigger.samples:+d}")
-    add("SAMPle:COUNt:PRETrigger", "before", lambda t: whole(t, 0, 0), lambda: "+0")
+    add("SAMPle:COUNt:PRETrigger", "before", lambda text: whole(text, 0, 0), lambda: "+0")
     add("SAMPle:SOURce", "timed", paced, lambda: "TIM" if trigger.timed else "IMM")
     add("SAMPle:TIMer", "timer_s", interval, lambda: f"{trigger.timer_s:+.8E}")
     tree.add("SAMPle:TIMer?", lambda p: f"{interval(p[0]) if p else trigger.timer_s:+.8E}")
-
-
-def level(text: str) -> float:
-    """Return the level of an internal trigger in V."""
-    return numeric(text, -1000.0, 1000.0, 0.0)
-
-
-def pause(text: str) -> float:
-    """Return a trigger delay in s."""
-    return numeric(text, 0.0, 3600.0, 1.0)
-
-
-def paced(text: str) -> bool:
-    """Return whether a sample timer paces the readings."""
-    return choice(text, PACES) == "TIM"

@@ -25,8 +25,8 @@ from sim_instruments.instrument import Setting
 from sim_instruments.redpitaya.stemlab_capture import CONVERTER_HZ, SLOTS, Capture, Numbers
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import released
-from sim_instruments.wire.scpi import ScpiError, choice, number, whole_number
-from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.wire.scpi import ScpiError, choice, number, whole_number, word, words
+from sim_instruments.wire.scpi_device import KeptSettings, ScpiDevice, Value, kept, taken
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.piecewise import Array
 
@@ -37,9 +37,17 @@ LARGEST_DECIMATION = 65536
 FULL_SCALE_V = {"LV": 1.0, "HV": 20.0}
 LARGEST_CODE = 8191
 OUTPUT, LOOP = "DIO0_N", "DIO0_P"
-PINS = {f"DIO{number}_{side}": f"DIO{number}_{side}" for side in "PN" for number in range(8)}
+PINS = words(*(f"DIO{number}_{side}" for side in "PN" for number in range(8)))
 SLOPES = {f"CH{channel}_{way}E": (channel, way) for channel in "12" for way in "PN"}
-SOURCES = {name: name for name in ("DISABLED", "NOW", "EXT_PE", "EXT_NE", *SLOPES)}
+SOURCES = words("DISABLED", "NOW", "EXT_PE", "EXT_NE", *SLOPES)
+GAIN = word(*FULL_SCALE_V), "LV"
+KEPT = {
+    "ACQ:AVG": (word("ON", "OFF"), "ON"),
+    "ACQ:DATA:UNITS": (word("VOLTS", "RAW"), "VOLTS"),
+    "ACQ:DATA:FORMAT": (word("ASCII"), "ASCII"),
+    "ACQ:SOUR1:GAIN": GAIN,
+    "ACQ:SOUR2:GAIN": GAIN,
+}
 TRANSFER_S = 20e-6
 
 
@@ -61,13 +69,14 @@ class RedPitaya(ScpiDevice):
 
     model = "Red Pitaya STEMlab 125-14"
     at_once = False
-
+    number_form = ".6g"
     reply_end = b"\r\n"
     lasting_faults: ClassVar = (Overload.kind, NoTrigger.kind)
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
         super().__init__("REDPITAYA,INSTR2024,0,01-02")
+        self.only = only
         self._clock, self._lock = setting.clock, setting.world.lock
         self._faults, self._rng = setting.faults, setting.rng
         self._version = version_of(truth.text("os_version"), f"{truth.where}.os_version")
@@ -83,6 +92,7 @@ class RedPitaya(ScpiDevice):
         self._wire.listen(
             lambda time_s: self._edge(time_s, "EXT_PE"), lambda time_s: self._edge(time_s, "EXT_NE")
         )
+        self._kept = KeptSettings(KEPT)
         self._outputs: dict[str, bool] = {}
         """The pins that are outputs, and whether each is high."""
         self._reset_acquisition()
@@ -93,60 +103,41 @@ class RedPitaya(ScpiDevice):
         self.tree.add("DIG:PIN:DIR?", lambda given: "OUT" if pin(given) in self._outputs else "IN")
         self.begin_to_serve(setting, self._lock)
 
-    @staticmethod
-    def only(parameters: list[str]) -> str:
-        """Return the only parameter; ScpiError -109 otherwise, also with more."""
-        if len(parameters) != 1:
-            raise ScpiError(-109)
-        return parameters[0]
-
     def energised(self) -> bool:
         """Return whether its trigger output is high."""
         return self._outputs.get(OUTPUT, False)
 
     def _reset_acquisition(self) -> None:
-        self._decimation, self._averages, self._delay = 1, True, HALF
-        self._gains = {"1": "LV", "2": "LV"}
-        self._source, self._level_V, self._units = "DISABLED", 0.0, "VOLTS"
+        self._kept.reset()
+        self._decimation, self._delay = 1, HALF
+        self._source, self._level_V = "DISABLED", 0.0
         self._noise = np.zeros(SLOTS)
         self._capture = Capture(self._clock.now(), 1.0, 0, HALF, stopped_s=self._clock.now())
 
     def _add_acquisition(self) -> None:
-        units, ascii_only = {"VOLTS": "VOLTS", "RAW": "RAW"}, {"ASCII": "ASCII"}
-        self.tree.add("ACQ:RST", self._do(self._reset_acquisition))
-        self.tree.add("ACQ:START", self._do(self._arm))
-        self.tree.add("ACQ:STOP", self._do(self._stop))
-        self.add_settings(
-            {
-                "ACQ:DEC": (self._set_decimation, lambda: str(self._decimation)),
-                "ACQ:AVG": (self._set_averaging, lambda: "ON" if self._averages else "OFF"),
-                "ACQ:DATA:UNITS": (
-                    lambda text: setattr(self, "_units", choice(text, units)),
-                    lambda: self._units,
-                ),
-                "ACQ:DATA:FORMAT": (
-                    lambda text: ignored(choice(text, ascii_only)),
-                    lambda: "ASCII",
-                ),
-                "ACQ:TRIG": (self._set_source, None),
-                "ACQ:TRIG:STAT": (None, lambda: "TD" if self._source == "DISABLED" else "WAIT"),
-                "ACQ:TRIG:LEV": (self._set_level, lambda: f"{self._level_V:.6g}"),
-                "ACQ:TRIG:DLY": (self._set_delay, lambda: str(self._delay - HALF)),
-                "ACQ:TRIG:DLY:NS": (self._set_delay_ns, lambda: f"{self._delay_ns():.0f}"),
-                "SYST:VERSion": (None, lambda: "1999.0"),
-                "SYST:BRD:ID": (None, lambda: "0"),
-                "SYST:BRD:Name": (None, lambda: "STEMlab 125-14 v1.0"),
-                "ACQ:WPOS": (None, lambda: str(self._pointer())),
-                "ACQ:TPOS": (None, lambda: str(self._pointer_at_trigger())),
-                "ACQ:BUF:SIZE": (None, lambda: str(SLOTS)),
-                "ACQ:SOUR1:GAIN": (partial(self._set_gain, "1"), lambda: self._gains["1"]),
-                "ACQ:SOUR2:GAIN": (partial(self._set_gain, "2"), lambda: self._gains["2"]),
-            }
-        )
+        self.add_commands(self._kept.commands())
+        table: dict[str, Value] = {
+            "ACQ:RST": self._reset_acquisition,
+            "ACQ:START": self._arm,
+            "ACQ:STOP": self._stop,
+            "ACQ:DEC": taken(self, "_decimation", self._set_decimation),
+            "ACQ:TRIG": (self._set_source, None),
+            "ACQ:TRIG:STAT?": lambda: "TD" if self._source == "DISABLED" else "WAIT",
+            "ACQ:TRIG:LEV": kept(self, "_level_V", number),
+            "ACQ:TRIG:DLY": (self._set_delay, lambda: self._delay - HALF),
+            "ACQ:TRIG:DLY:NS": (self._set_delay_ns, lambda: f"{self._delay_ns():.0f}"),
+            "SYST:VERSion?": lambda: "1999.0",
+            "SYST:BRD:ID?": lambda: "0",
+            "SYST:BRD:Name?": lambda: "STEMlab 125-14 v1.0",
+            "ACQ:WPOS?": self._pointer,
+            "ACQ:TPOS?": self._pointer_at_trigger,
+            "ACQ:BUF:SIZE?": lambda: SLOTS,
+        }
         if self._version >= (2, 0, 30):
-            self.add_settings({"ACQ:DEC:Factor": (self._set_factor, lambda: str(self._decimation))})
+            table["ACQ:DEC:Factor"] = taken(self, "_decimation", self._set_factor)
         if self._version >= (2, 0, 15):
-            self.add_settings({"ACQ:TRIG:FILL": (None, self._is_full)})
+            table["ACQ:TRIG:FILL?"] = lambda: self._capture.is_full(self._clock.now())
+        self.add_commands(table)
         both = ["START", "STA"] if self._version >= (2, 5, 0) else ["START"]
         starts = both if self._version >= (2, 0, 0) else ["STA"]
         for channel in ("1", "2"):
@@ -182,9 +173,6 @@ class RedPitaya(ScpiDevice):
         if crossed.any():
             self._capture.triggered_at = int(numbers[1 + int(np.argmax(crossed))])
             self._source = "DISABLED"
-
-    def _set_level(self, text: str) -> None:
-        self._level_V = number(text)
 
     def _set_delay_ns(self, text: str) -> None:
         self._set_delay(str(round(number(text) / self._interval_ns())))
@@ -223,17 +211,8 @@ class RedPitaya(ScpiDevice):
             raise ScpiError(-224)
         self._decimation = value
 
-    def _set_averaging(self, text: str) -> None:
-        self._averages = choice(text, {"ON": "ON", "OFF": "OFF"}) == "ON"
-
     def _set_delay(self, text: str) -> None:
         self._delay = max(whole_number(text, -(2**31), 2**31 - 1) + HALF, 0)
-
-    def _set_gain(self, channel: str, text: str) -> None:
-        self._gains[channel] = choice(text, {name: name for name in FULL_SCALE_V})
-
-    def _is_full(self) -> str:
-        return str(int(self._capture.is_full(self._clock.now())))
 
     # What is reported of it.
 
@@ -248,16 +227,15 @@ class RedPitaya(ScpiDevice):
 
     def _data(self, channel: str, given: list[str], *, to_end: bool = False) -> str:
         """Answer values from a place in the ring on: so many, or up to another place."""
-        if len(given) != 2:
-            raise ScpiError(-109)
-        start, count = whole_number(given[0], 0, SLOTS), whole_number(given[1], to_end ^ 1, SLOTS)
+        first, second = exactly(2, given)
+        start, count = whole_number(first, 0, SLOTS), whole_number(second, to_end ^ 1, SLOTS)
         return self._values(channel, start, (count - start) % SLOTS + 1 if to_end else count)
 
     def _oldest(self, channel: str, given: list[str]) -> str:
-        return self._values(channel, self._pointer() + 1, whole_number(self.only(given), 1, SLOTS))
+        return self._values(channel, self._pointer() + 1, whole_number(only(given), 1, SLOTS))
 
     def _latest(self, channel: str, given: list[str]) -> str:
-        count = whole_number(self.only(given), 1, SLOTS)
+        count = whole_number(only(given), 1, SLOTS)
         return self._values(channel, self._pointer() + 1 - count, count)
 
     def _values(self, channel: str, start: int, count: int) -> str:
@@ -265,10 +243,13 @@ class RedPitaya(ScpiDevice):
         with released(self._lock):  # the world goes on meanwhile, and others are served
             self._clock.sleep(TRANSFER_S * count)
         volts = self._read(channel, numbers)
-        if self._units == "RAW":
-            codes = np.round(volts / FULL_SCALE_V[self._gains[channel]] * (LARGEST_CODE + 1))
+        if self._kept.values["ACQ:DATA:UNITS"] == "RAW":
+            codes = np.round(volts / self._full_scale_V(channel) * (LARGEST_CODE + 1))
             return "{" + ",".join(f"{code:.0f}" for code in codes) + "}"
         return "{" + ",".join(f"{value:.6f}" for value in volts) + "}"
+
+    def _full_scale_V(self, channel: str) -> float:
+        return FULL_SCALE_V[str(self._kept.values[f"ACQ:SOUR{channel}:GAIN"])]
 
     def _read(self, channel: str, numbers: Numbers) -> Array:
         """Return what the board makes of the values with these numbers, in V."""
@@ -288,14 +269,13 @@ class RedPitaya(ScpiDevice):
         codes = np.round(volts / FULL_SCALE_V[self._jumper] * (LARGEST_CODE + 1))
         codes[self._faults.during(Overload.kind, times_s)] = LARGEST_CODE
         codes = np.clip(codes, -LARGEST_CODE - 1, LARGEST_CODE)
-        return np.asarray(codes / (LARGEST_CODE + 1) * FULL_SCALE_V[self._gains[channel]])
+        return np.asarray(codes / (LARGEST_CODE + 1) * self._full_scale_V(channel))
 
     # The pins.
 
     def _set_direction(self, given: list[str]) -> None:
-        if len(given) != 2:
-            raise ScpiError(-109)
-        way, name = choice(given[0], {"IN": "IN", "OUT": "OUT"}), choice(given[1], PINS)
+        way, name = exactly(2, given)
+        way, name = choice(way, words("IN", "OUT")), choice(name, PINS)
         if way == "IN":
             self._outputs.pop(name, None)
         else:
@@ -303,9 +283,8 @@ class RedPitaya(ScpiDevice):
         self._drive()
 
     def _set_pin(self, given: list[str]) -> None:
-        if len(given) != 2:
-            raise ScpiError(-109)
-        name, high = choice(given[0], PINS), whole_number(given[1], 0, 1) == 1
+        name, level = exactly(2, given)
+        name, high = choice(name, PINS), whole_number(level, 0, 1) == 1
         if name not in self._outputs:
             raise ScpiError(-221)
         self._outputs[name] = high
@@ -328,13 +307,21 @@ class RedPitaya(ScpiDevice):
         return "1"
 
 
+def exactly(count: int, given: list[str]) -> list[str]:
+    """Return parameters, so many; ScpiError -109 otherwise, also with more."""
+    if len(given) != count:
+        raise ScpiError(-109)
+    return given
+
+
+def only(parameters: list[str]) -> str:
+    """Return the only parameter."""
+    return exactly(1, parameters)[0]
+
+
 def pin(given: list[str]) -> str:
     """Return the pin that is meant."""
-    return choice(RedPitaya.only(given), PINS)
-
-
-def ignored(value: str) -> None:
-    """Take a setting that has one value here."""
+    return choice(only(given), PINS)
 
 
 def version_of(text: str, where: str) -> tuple[int, int, int]:

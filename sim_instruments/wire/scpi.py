@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from itertools import product
+from types import MappingProxyType
 from typing import NamedTuple
 
 Handler = Callable[[list[str]], str | None]
@@ -35,11 +36,15 @@ TEXTS = {
 }
 
 
+SWITCH = {"ON": "ON", "1": "ON", "OFF": "OFF", "0": "OFF"}
+NO_ERROR = '0,"No error"'
+
+
 class ScpiError(Exception):
     """A refusal by the instrument, with its number in the error queue."""
 
     def __init__(self, code: int) -> None:
-        super().__init__(f"{code},{TEXTS[code]}")
+        super().__init__(code)
         self.code = code
 
 
@@ -59,6 +64,11 @@ class Header(NamedTuple):
     short: dict[str, str]
 
 
+def short_of(name: str) -> str:
+    """Return the short form of a name such as `CURRent`."""
+    return "".join(letter for letter in name if not letter.islower())
+
+
 @cache
 def parsed(pattern: str) -> Header:
     """Return what a pattern such as `LIST:CURRent[:LEVel]?` stands for."""
@@ -67,7 +77,7 @@ def parsed(pattern: str) -> Header:
     choices: list[list[tuple[str, ...]]] = []
     for node in filter(None, text.split("\0")):
         name = node.lstrip("[")
-        short = "".join(letter for letter in name if not letter.islower()).upper()
+        short = short_of(name)
         shorts |= {name.upper(): short, short: short}
         choices.append([(short,), ()] if node.startswith("[") else [(short,)])
     paths = tuple(tuple(name for part in pick for name in part) for pick in product(*choices))
@@ -139,34 +149,40 @@ def split_outside_quotes(text: str, separator: str) -> list[str]:
 
 
 class ErrorQueue:
-    """First in, first out; when full the last entry becomes -350."""
+    """First in, first out; when full the last entry becomes `overflow`, or the newest with 0."""
 
-    def __init__(self, depth: int) -> None:
-        self._entries: deque[int] = deque()
-        self._depth = depth
+    overflow = -350
+
+    def __init__(
+        self, depth: int, empty: str = NO_ERROR, own_texts: Mapping[int, str] = MappingProxyType({})
+    ) -> None:
+        self._entries: deque[str] = deque()
+        self._depth, self._empty, self._texts = depth, empty, {**TEXTS, **own_texts}
 
     def __len__(self) -> int:
         return len(self._entries)
 
-    def push(self, code: int) -> None:
-        """Append an error."""
-        if len(self._entries) < self._depth:
-            self._entries.append(code)
-        else:
-            self._entries[-1] = -350
+    def entry(self, text: str, code: int) -> str:
+        """Return an error as it is answered."""
+        return f'{code:+d},"{text}"'
+
+    def push(self, code: int, more: str = "") -> None:
+        """Append an error; `more` follows its standard text."""
+        if len(self._entries) == self._depth:
+            self._entries.pop()
+            code, more = (self.overflow, "") if self.overflow else (code, more)
+        text = self._texts[code]
+        self._entries.append(self.entry(f"{text};{more}" if more else text, code))
 
     def pop(self) -> str:
-        """Return and remove the oldest error as `number,"text"`, or `0,"No error"`."""
-        if not self._entries:
-            return '0,"No error"'
-        code = self._entries.popleft()
-        return f'{code},"{TEXTS[code]}"'
+        """Return and remove the oldest error, or what an empty queue answers."""
+        return self._entries.popleft() if self._entries else self._empty
 
     def pop_all(self) -> str:
-        """Return and remove all errors, comma-separated, or `0,"No error"`."""
-        if not self._entries:
-            return '0,"No error"'
-        return ",".join(self.pop() for _ in range(len(self._entries)))
+        """Return and remove all errors, comma-separated."""
+        entries = ",".join(self._entries)
+        self.clear()
+        return entries or NO_ERROR
 
     def clear(self) -> None:
         """Forget all errors."""
@@ -192,17 +208,27 @@ def whole_number(text: str, minimum: int, maximum: int) -> int:
     return value
 
 
+def number_or(text: str, words: Mapping[str, float]) -> float:
+    """Return a number, or what a word stands for."""
+    word = text.upper()
+    return words[word] if word in words else number(text)
+
+
 def numeric(text: str, lowest: float, highest: float, default: float) -> float:
     """Return a number or what MIN, MAX, DEF stand for; ScpiError -222 beyond the limits."""
     words = {"MIN": lowest, "MAX": highest, "DEF": default, "MINIMUM": lowest, "MAXIMUM": highest}
-    word = text.upper()
-    value = words[word] if word in words else number(text)
+    value = number_or(text, words)
     if not lowest <= value <= highest:
         raise ScpiError(-222)
     return value
 
 
-def choice(text: str, names: dict[str, str]) -> str:
+def within(lowest: float, highest: float, default: float) -> Callable[[str], float]:
+    """Return what reads a number between two, see `numeric`."""
+    return lambda text: numeric(text, lowest, highest, default)
+
+
+def choice(text: str, names: Mapping[str, str]) -> str:
     """Return what a word stands for, `names` holding short and long forms; ScpiError -224."""
     word = text.upper()
     if word not in names:
@@ -210,9 +236,19 @@ def choice(text: str, names: dict[str, str]) -> str:
     return names[word]
 
 
+def words(*names: str) -> dict[str, str]:
+    """Return the short form of each name, such as `POSitive`, by its short and its long form."""
+    return {form: short_of(name) for name in names for form in (short_of(name), name.upper())}
+
+
+def word(*names: str) -> Callable[[str], str]:
+    """Return what reads the short form of a name, such as `POSitive`, in either form."""
+    return partial(choice, names=words(*names))
+
+
 def boolean(text: str) -> bool:
     """Return ON, OFF, 1 or 0 as a truth value; ScpiError -224 for anything else."""
-    return choice(text, {"ON": "1", "1": "1", "OFF": "0", "0": "0"}) == "1"
+    return choice(text, SWITCH) == "ON"
 
 
 def single_parameter(parameters: list[str]) -> str:
@@ -228,3 +264,10 @@ def none(parameters: list[str]) -> None:
     """Check that there is no parameter; ScpiError -108 otherwise."""
     if parameters:
         raise ScpiError(-108)
+
+
+def unquoted(text: str) -> str:
+    """Return what stands between quotes; ScpiError -151 without them."""
+    if len(text) < 2 or text[0] not in "\"'" or text[-1] != text[0]:
+        raise ScpiError(-151)
+    return text[1:-1]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar
+from functools import partial
+from typing import Any, ClassVar
 
 from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import (
+    NO_ERROR,
     CommandTree,
     ErrorQueue,
     Handler,
@@ -17,8 +19,48 @@ from sim_instruments.wire.scpi import (
 from sim_instruments.wire.scpi import whole_number as whole
 
 REMEMBERED_MESSAGES, MAX_REMEMBERED = 4096, 1024
-Value = tuple[Callable[[str], None] | None, Callable[[], str] | None]
-"""What takes the parameter of a header, and what gives the answer to its query."""
+Give = Callable[[], str | float]
+Pair = tuple[Callable[[str], object] | None, Give | None]
+"""What takes the parameter of a header, and what gives the answer to its query, if it has them."""
+
+Value = Pair | Callable[[], Any]
+KeptTable = Mapping[str, tuple[Callable[[str], str | float], str | float]]
+"""What reads each setting, and its value after `*RST`."""
+
+
+def kept(owner: object, name: str, read: Callable[[str], object]) -> Pair:
+    """Return a setting that is an attribute of its owner, `read` from the parameter."""
+    return lambda text: setattr(owner, name, read(text)), partial(getattr, owner, name)
+
+
+def taken(owner: object, name: str, take: Callable[[str], object]) -> Pair:
+    """Return a setting that `take` changes and an attribute of its owner shows."""
+    return take, partial(getattr, owner, name)
+
+
+class KeptSettings:
+    """Settings that do no more than be kept."""
+
+    def __init__(self, table: KeptTable) -> None:
+        self._table = table
+        self.reset()
+
+    def reset(self) -> None:
+        """Go to the state after `*RST`."""
+        self.values = {header: value for header, (_, value) in self._table.items()}
+
+    def commands(self) -> dict[str, Pair]:
+        """Return the table of their commands."""
+        return {
+            header: (partial(self._take, header), partial(self._give, header))
+            for header in self._table
+        }
+
+    def _take(self, header: str, text: str) -> None:
+        self.values[header] = self._table[header][0](text)
+
+    def _give(self, header: str) -> str | float:
+        return self.values[header]
 
 
 class StatusGroup:
@@ -59,12 +101,16 @@ class ScpiDevice(LineInstrument):
     """The IEEE 488.2 commands, the status groups and the error queue of one instrument."""
 
     error_queue_depth = 20
+    own_texts: ClassVar[Mapping[int, str]] = {}
+    """Of errors that SCPI does not have."""
+    number_form: ClassVar[str] = "+.8E"
     reply_end: ClassVar[bytes] = b"\n"
 
-    def __init__(self, identity: str) -> None:
+    def __init__(self, identity: str, no_error: str = NO_ERROR) -> None:
         self.identity = identity
-        self.errors = ErrorQueue(self.error_queue_depth)
+        self.errors = ErrorQueue(self.error_queue_depth, no_error, self.own_texts)
         self.tree = CommandTree()
+        self.only = single_parameter
         self.operation = StatusGroup(self.operation_condition)
         self.questionable = StatusGroup(self.questionable_condition)
         self._standard_event = 0
@@ -119,21 +165,36 @@ class ScpiDevice(LineInstrument):
         self.refuse(-363)
         return b""
 
-    def add_settings(self, settings: Mapping[str, Value], *roots: str) -> None:
-        """Add headers, behind each of the `roots` where there are any, that hold one value.
+    def add_commands(self, table: Mapping[str, Value], *roots: str) -> None:
+        """Add headers, behind each of the `roots` where there are any, with what they do.
 
-        Each is set by its only parameter and asked for without one; None where it cannot be.
+        A pair is a setting, see `Pair`; what stands alone takes no parameter: it acts, or answers
+        where its header ends with `?`.
         """
         for root in roots or ("",):
-            for header, (take, give) in settings.items():
-                if take is not None:
-                    self.tree.add(root + header, self._taking(take))
-                if give is not None:
-                    self.tree.add(f"{root}{header}?", self._answer(give))
+            for header, does in table.items():
+                if isinstance(does, tuple):
+                    take, give = does
+                    if take is not None:
+                        self.tree.add(root + header, self._taking(take))
+                    if give is not None:
+                        self.tree.add(f"{root}{header}?", self._answer(give))
+                else:
+                    bare = self._answer if header.endswith("?") else self._do
+                    self.tree.add(root + header, bare(does))
 
-    def refuse(self, code: int) -> None:
+    add_settings = add_commands
+    """Its name before there was more in a table."""
+
+    def written(self, value: str | float) -> str:
+        """Return a value as the instrument answers it: a switch as 1 or 0."""
+        if isinstance(value, str):
+            return value
+        return str(int(value)) if isinstance(value, int) else format(value, self.number_form)
+
+    def refuse(self, code: int, more: str = "") -> None:
         """Put an error into the queue and its class into the standard event register."""
-        self.errors.push(code)
+        self.errors.push(code, more)
         kind = -code // 100
         self._standard_event |= {1: 32, 2: 16, 3: 8, 4: 4}.get(kind, 8)
 
@@ -152,55 +213,48 @@ class ScpiDevice(LineInstrument):
         return known
 
     def _add_common(self) -> None:
-        add = self.tree.add
-        add("*IDN?", self._answer(lambda: self.identity))
-        add("*TST?", self._answer(lambda: "0"))
-        add("*OPC?", self._answer(lambda: "1"))
-        add("*OPC", self._do(self._operation_complete))
-        add("*WAI", self._do(lambda: None))
-        add("*RST", self._do(self.reset))
-        add("*CLS", self._do(self._clear))
-        add("*ESR?", self._answer(self._take_standard_event))
-        add("*ESE?", self._answer(lambda: str(self._standard_enable)))
-        add("*ESE", self._set_standard_enable)
-        add("*SRE?", self._answer(lambda: str(self._service_enable)))
-        add("*SRE", self._set_service_enable)
-        add("*STB?", self._answer(lambda: str(self._status_byte())))
-        add("SYSTem:ERRor[:NEXT]?", self._answer(self.errors.pop))
-        add("SYSTem:ERRor:ALL?", self._answer(self.errors.pop_all))
-        add("SYSTem:ERRor:COUNt?", self._answer(lambda: str(len(self.errors))))
-        add("SYSTem:VERSion?", self._answer(lambda: "1997.0"))
-        add("STATus:PRESet", self._do(self._preset))
-        for name, group in (
-            ("OPERation", self.operation),
-            ("QUEStionable", self.questionable),
-        ):
-            self._add_group(f"STATus:{name}", group)
+        self.add_commands(
+            {
+                "*IDN?": lambda: self.identity,
+                "*TST?": lambda: "0",
+                "*OPC?": lambda: "1",
+                "*OPC": self._operation_complete,
+                "*WAI": lambda: None,
+                "*RST": self.reset,
+                "*CLS": self._clear,
+                "*ESR?": self._take_standard_event,
+                "*ESE": kept(self, "_standard_enable", partial(whole, minimum=0, maximum=255)),
+                "*SRE": kept(self, "_service_enable", partial(whole, minimum=0, maximum=255)),
+                "*STB?": self._status_byte,
+                "SYSTem:ERRor[:NEXT]?": lambda: self.errors.pop(),
+                "SYSTem:ERRor:ALL?": lambda: self.errors.pop_all(),
+                "SYSTem:ERRor:COUNt?": lambda: len(self.errors),
+                "SYSTem:VERSion?": lambda: "1997.0",
+                "STATus:PRESet": self._preset,
+            }
+        )
+        for name, group in (("OPERation", self.operation), ("QUEStionable", self.questionable)):
+            registers: dict[str, Value] = {
+                ":CONDition?": group.condition,
+                "[:EVENt]?": group.take_event,
+                ":ENABle": kept(group, "enable", partial(whole, minimum=0, maximum=65535)),
+            }
+            self.add_commands(registers, f"STATus:{name}")
 
-    def _add_group(self, header: str, group: StatusGroup) -> None:
-        def enable(parameters: list[str]) -> None:
-            group.enable = whole(single_parameter(parameters), 0, 65535)
-
-        self.tree.add(f"{header}:CONDition?", self._answer(lambda: str(group.condition())))
-        self.tree.add(f"{header}[:EVENt]?", self._answer(lambda: str(group.take_event())))
-        self.tree.add(f"{header}:ENABle?", self._answer(lambda: str(group.enable)))
-        self.tree.add(f"{header}:ENABle", enable)
-
-    @staticmethod
-    def _answer(reply: Callable[[], str]) -> Handler:
+    def _answer(self, give: Give) -> Handler:
         def handler(parameters: list[str]) -> str:
             none(parameters)
-            return reply()
+            return self.written(give())
 
         return handler
 
-    def _taking(self, take: Callable[[str], None]) -> Handler:
-        return lambda parameters: take(self.only(parameters))
+    def _taking(self, take: Callable[[str], object]) -> Handler:
+        only = self.only
 
-    @staticmethod
-    def only(parameters: list[str]) -> str:
-        """Return the only parameter; ScpiError -109 without one, -108 with more."""
-        return single_parameter(parameters)
+        def handler(parameters: list[str]) -> None:
+            take(only(parameters))
+
+        return handler
 
     @staticmethod
     def _do(act: Callable[[], None]) -> Handler:
@@ -225,12 +279,6 @@ class ScpiDevice(LineInstrument):
     def _take_standard_event(self) -> str:
         event, self._standard_event = self._standard_event, 0
         return str(event)
-
-    def _set_standard_enable(self, parameters: list[str]) -> None:
-        self._standard_enable = whole(single_parameter(parameters), 0, 255)
-
-    def _set_service_enable(self, parameters: list[str]) -> None:
-        self._service_enable = whole(single_parameter(parameters), 0, 255)
 
     def _status_byte(self) -> int:
         byte = 4 * bool(self.errors) + 8 * self.questionable.summary()

@@ -105,6 +105,17 @@ def test_a_room_imports_only_what_it_may() -> None:
         assert not broken, f"{importer} may not import {broken}"
 
 
+def test_no_maker_knows_another() -> None:
+    """What instruments of several makers share lies in `generic`, `transport`, `wire`, …"""
+    for room in ("drivers", "sim_instruments"):
+        makers = {path.parent.name for path in (ROOT / room).glob("*/*.py")} - NO_MAKERS
+        for path in (ROOT / room).rglob("*.py"):
+            others = [f"{room}.{maker}" for maker in makers - {path.parent.name}]
+            broken = [name for name in imports(path) if within(name, *others)]
+            assert not broken, f"{module_of(path)} may not import {broken}"
+
+
+NO_MAKERS = {"generic", "transport", "wire", "world", "faults"}
 ROLE_FILES = [path for path in SOURCES if within(module_of(path), "station.roles")]
 
 

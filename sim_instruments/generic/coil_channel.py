@@ -1,41 +1,29 @@
-"""One channel of a Keysight 33522B: levels, termination, limits, burst, and what the coil gets.
+"""One channel of a function generator: levels, termination, limits, burst, and what a coil gets.
 
-From the 33500 series guide: 50 ohm in series with the output; the termination setting changes what
-is shown and never the output, so what is programmed for 50 ohm is doubled at an open end; it
-cannot be changed while voltage limits are on; |offset| + Vpp/2 is at most 10 V at an open end; a
-level beyond a limit is clipped, with an error; setting one level beyond the other moves that one.
-From the guides of older models: a new offset is kept and the amplitude gives way, and a burst of
-DC is refused. Assumed: the words of these errors; that a pulse waits at its low level; that an
-inverted output is mirrored about the offset; that a change in the middle of a burst ends it.
-What runs without burst reaches the coil with its mean.
+As guides of such generators have it, whoever made them: 50 ohm in series with the output; the
+termination setting changes what is shown and never the output, so what is programmed for 50 ohm is
+doubled at an open end; it cannot be changed while voltage limits are on; |offset| + Vpp/2 has a
+largest value at an open end; a level beyond a limit is clipped, with an error; setting one level
+beyond the other moves that one; a new offset is kept and the amplitude gives way, and a burst of DC
+is refused. Assumed: the words of these errors; that a pulse waits at its low level; that an output
+that is inverted is mirrored about the offset; that a change in the middle of a burst ends it. What
+runs without burst reaches the coil with its mean.
 """
 
 from __future__ import annotations
 
 import math
 
-from sim_instruments.keysight.generator_33522b_wave import (
-    CONFLICT,
-    LOWER,
-    NO_BURST,
-    OUT_OF_RANGE,
-    UPPER,
-    Complain,
-    Wave,
-)
-from sim_instruments.wire.scpi import ScpiError, number
+from sim_instruments.generic.waveform import CONFLICT, Wave, clipped
+from sim_instruments.wire.scpi import ScpiError, number, number_or, numeric
 from sim_instruments.world.serf_coils import VoltageHistory
 
 SOURCE_OHM = 50.0
-LARGEST_V = 10.0
-MIN_VPP = 2e-3
-"""Both at an open end."""
-APART_V = 1e-3
-LOADS_OHM = (1.0, 10e3)
 OPEN = 9.9e37
 ROUNDING_V = 1e-9
 MAX_CYCLES = 1000
 """Of a burst that reach the coil here."""
+NO_BURST = ("DC", "NOIS", "PRBS")
 
 
 class GeneratorChannel:
@@ -45,21 +33,20 @@ class GeneratorChannel:
     """
 
     def __init__(
-        self, history: VoltageHistory, gain_error: float, offset_V: float, complain: Complain
+        self, history: VoltageHistory, gain_error: float, offset_V: float, wave: Wave
     ) -> None:
-        self.history = history
+        self.history, self.wave = history, wave
         self._gain, self._error_V = 1.0 + gain_error, offset_V
-        self._complain = complain
-        self.wave = Wave(complain)
+        self._ratings, self._complain = wave.ratings, wave.complain
         self.reset()
 
     def reset(self) -> None:
         """Go to a sine of 100 mVpp into 50 ohm, the output off."""
         self.wave.reset()
         self.on, self.inverted = False, False
-        self.load_ohm = SOURCE_OHM
+        self.load_ohm, largest_V = SOURCE_OHM, self._ratings.largest_V
         self._amplitude_V, self._offset_V = 0.2, 0.0
-        self.limited, self.low_limit_V, self.high_limit_V = False, -LARGEST_V, LARGEST_V
+        self.limited, self.low_limit_V, self.high_limit_V = False, -largest_V, largest_V
         self.burst, self.mode, self.cycles = False, "TRIG", 1.0
         self.source, self.slope, self.delay_s = "IMM", "POS", 0.0
         self._busy_until_s = -math.inf
@@ -92,10 +79,12 @@ class GeneratorChannel:
     @property
     def largest_V(self) -> float:
         """The largest voltage as it is shown."""
-        return LARGEST_V * self.share
+        return self._ratings.largest_V * self.share
 
-    def set_load(self, load_ohm: float) -> None:
-        """Change what the output is said to be terminated with; what is shown changes with it."""
+    def set_load(self, text: str) -> None:
+        """Say what the output is terminated with; what is shown changes with it."""
+        is_open = text.upper() in ("INF", "INFINITY")
+        load_ohm = OPEN if is_open else numeric(text, *self._ratings.loads_ohm, SOURCE_OHM)
         if self.limited:
             raise ScpiError(CONFLICT)
         before = self.share
@@ -105,25 +94,25 @@ class GeneratorChannel:
 
     def set_function(self, name: str) -> None:
         """Change the function; a burst of what has none ends."""
-        if self.burst and name in NO_BURST:
-            self.burst = False
-            self._complain(CONFLICT, f"not able to burst {name.lower()}, burst has been turned off")
+        self._end_burst_of_none(name)
         self.wave.function = name
         if name != "DC":
             self._make_room_for_offset()
 
     def set_burst(self, on: bool) -> None:
         """Switch the burst on or off."""
-        name = self.wave.function
-        if on and name in NO_BURST:
-            self._complain(CONFLICT, f"not able to burst {name.lower()}, burst has been turned off")
-            return
         self.burst = on
+        self._end_burst_of_none(self.wave.function)
+
+    def _end_burst_of_none(self, function: str) -> None:
+        if self.burst and function in NO_BURST:
+            self.burst = False
+            what = f"not able to burst {function.lower()}, burst has been turned off"
+            self._complain(CONFLICT, what)
 
     def set_offset(self, text: str) -> None:
         """Set the offset; where both do not fit, the amplitude becomes smaller."""
-        words = {"MIN": -self.largest_V, "MAX": self.largest_V}
-        wanted_V = words[text.upper()] if text.upper() in words else number(text)
+        wanted_V = number_or(text, {"MIN": -self.largest_V, "MAX": self.largest_V})
         self._offset_V = self._clipped(wanted_V, -self.largest_V, self.largest_V) / self.share
         if self.wave.function == "DC":
             self._offset_V = self._limited(self.offset_V) / self.share
@@ -133,11 +122,10 @@ class GeneratorChannel:
 
     def set_amplitude(self, text: str) -> None:
         """Set the amplitude; where both do not fit, the offset becomes smaller."""
-        least_V, most_V = MIN_VPP * self.share, 2 * self.largest_V
-        words = {"MIN": least_V, "MAX": most_V}
-        wanted_V = words[text.upper()] if text.upper() in words else number(text)
+        least_V, most_V = self._ratings.least_Vpp * self.share, 2 * self.largest_V
+        wanted_V = number_or(text, {"MIN": least_V, "MAX": most_V})
         self._amplitude_V = self._clipped(wanted_V, least_V, most_V) / self.share
-        room_V = LARGEST_V - self._amplitude_V / 2
+        room_V = self._ratings.largest_V - self._amplitude_V / 2
         if self.wave.function != "DC" and abs(self._offset_V) > room_V + ROUNDING_V:
             self._offset_V = math.copysign(room_V, self._offset_V)
             self._complain(CONFLICT, "offset changed due to amplitude")
@@ -145,29 +133,27 @@ class GeneratorChannel:
 
     def set_high(self, text: str) -> None:
         """Set the high level; a low level above it goes below it."""
-        high_V = self._clipped(number(text), -self.largest_V + APART_V, self.largest_V)
+        apart_V = self._ratings.apart_V
+        high_V = self._clipped(number(text), -self.largest_V + apart_V, self.largest_V)
         low_V = self.low_V
-        if low_V > high_V - APART_V + ROUNDING_V:
-            low_V = high_V - APART_V
+        if low_V > high_V - apart_V + ROUNDING_V:
+            low_V = high_V - apart_V
             self._complain(CONFLICT, "low level changed due to high level")
         self._set_levels(low_V, high_V)
 
     def set_low(self, text: str) -> None:
         """Set the low level; a high level below it goes above it."""
-        low_V = self._clipped(number(text), -self.largest_V, self.largest_V - APART_V)
+        apart_V = self._ratings.apart_V
+        low_V = self._clipped(number(text), -self.largest_V, self.largest_V - apart_V)
         high_V = self.high_V
-        if high_V < low_V + APART_V - ROUNDING_V:
-            high_V = low_V + APART_V
+        if high_V < low_V + apart_V - ROUNDING_V:
+            high_V = low_V + apart_V
             self._complain(CONFLICT, "high level changed due to low level")
         self._set_levels(low_V, high_V)
 
-    def set_limit(self, text: str, *, high: bool) -> None:
-        """Set one of the voltage limits."""
-        limit_V = self._clipped(number(text), -self.largest_V, self.largest_V)
-        if high:
-            self.high_limit_V = limit_V
-        else:
-            self.low_limit_V = limit_V
+    def limit_V(self, text: str) -> float:
+        """Return one of the voltage limits."""
+        return self._clipped(number(text), -self.largest_V, self.largest_V)
 
     def set_limited(self, on: bool) -> None:
         """Switch the voltage limits on or off; levels that are beyond them are in their way."""
@@ -224,16 +210,16 @@ class GeneratorChannel:
         self._keep_limits()
 
     def _make_room_for_offset(self) -> None:
-        room_V = 2 * (LARGEST_V - abs(self._offset_V))
-        if self._amplitude_V > max(room_V, MIN_VPP) + ROUNDING_V:
-            self._amplitude_V = max(room_V, MIN_VPP)
+        room_V = 2 * (self._ratings.largest_V - abs(self._offset_V))
+        if self._amplitude_V > max(room_V, self._ratings.least_Vpp) + ROUNDING_V:
+            self._amplitude_V = max(room_V, self._ratings.least_Vpp)
             self._complain(CONFLICT, "amplitude changed due to offset")
 
     def _keep_limits(self) -> None:
         if self.limited and self.wave.function != "DC":
             low_V, high_V = self._limited(self.low_V), self._limited(self.high_V)
             if (low_V, high_V) != (self.low_V, self.high_V):
-                self._amplitude_V = max((high_V - low_V) / self.share, MIN_VPP)
+                self._amplitude_V = max((high_V - low_V) / self.share, self._ratings.least_Vpp)
                 self._offset_V = (high_V + low_V) / 2 / self.share
 
     def _limited(self, level_V: float) -> float:
@@ -246,8 +232,4 @@ class GeneratorChannel:
         return kept_V
 
     def _clipped(self, value_V: float, lowest_V: float, highest_V: float) -> float:
-        if value_V < lowest_V - ROUNDING_V:
-            self._complain(OUT_OF_RANGE, LOWER)
-        elif value_V > highest_V + ROUNDING_V:
-            self._complain(OUT_OF_RANGE, UPPER)
-        return min(max(value_V, lowest_V), highest_V)
+        return clipped(self._complain, value_V, lowest_V, highest_V, ROUNDING_V)

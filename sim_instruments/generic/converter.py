@@ -1,9 +1,9 @@
-"""What the converter of a Keysight 34465A makes of its input: ranges, integration, noise.
+"""What the converter of a meter with six and a half digits makes of its input, whoever made it.
 
-From the Truevolt guide: ranges with 20 % over-range, integration in power-line cycles or as an
-aperture in s, the resolution that belongs to each, auto-zero by a second measurement after every
-reading, event bits of overload. Assumed, since no source at hand says it: 1000 V and 3 A have no
-over-range, noise goes with the resolution, four-wire resistance is always zeroed.
+As guides of such meters have it: ranges with 20 % over-range, integration in power-line cycles or
+as an aperture in s, the resolution that belongs to each, auto-zero by a second measurement after
+every reading. Assumed, since no source at hand says it: 1000 V and 3 A have no over-range, noise
+goes with the resolution, four-wire resistance is always zeroed.
 """
 
 from __future__ import annotations
@@ -56,10 +56,11 @@ class Pt100World(Protocol):
 
 @dataclass
 class Function:
-    """A measurement function with its present settings.
+    """A measurement function with its present settings, by the name that SCPI has for it.
 
-    `aperture_s` takes the place of `cycles` unless it is None. `zero_on` repeats each measurement
-    with the input switched off; `can_zero` False: it does so always, and no command prevents it.
+    `overload_bit` is that of the questionable events. `aperture_s` takes the place of `cycles`
+    unless it is None. `zero_on` repeats each measurement with the input switched off; `can_zero`
+    False: it does so always, and no command prevents it.
     """
 
     name: str
@@ -78,27 +79,6 @@ class Function:
         """Return the largest reading of a range."""
         hard_end = range_ == self.ranges[-1] and self.unit in ("VDC", "VAC", "ADC", "AAC")
         return range_ if hard_end else OVER_RANGE * range_
-
-
-def functions() -> dict[str, Function]:
-    """Return all functions as after `*RST`, by the name that `FUNC?` gives."""
-    volts = (0.1, 1.0, 10.0, 100.0, 1000.0)
-    amperes = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.0)
-    ohms = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
-    made = (
-        Function("VOLT", "VDC", volts, 1, range=10.0),
-        Function("VOLT:AC", "VAC", volts, 1, range=10.0),
-        Function("CURR", "ADC", amperes, 2, range=0.1),
-        Function("CURR:AC", "AAC", amperes, 2, range=0.1),
-        Function("RES", "OHM", ohms, 512, range=1e3),
-        Function("FRES", "OHM", ohms, 512, can_zero=False, range=1e3),
-        Function("VOLT:RAT", "", volts, 1, range=10.0),
-        Function("FREQ", "HZ", (3e5,), 1, can_zero=False, range=3e5),
-        Function("PER", "S", (3.33e-1,), 1, can_zero=False, range=3.33e-1),
-        Function("CONT", "OHM", (1e3,), 512, can_zero=False, range=1e3),
-        Function("DIOD", "VDC", (5.0,), 1, can_zero=False, range=5.0),
-    )
-    return {function.name: function for function in made}
 
 
 class Converter:
