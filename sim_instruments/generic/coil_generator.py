@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -13,7 +13,7 @@ from sim_instruments.generic.waveform import Ratings, Wave
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.scpi import NO_ERROR, ScpiError, boolean, choice, numeric, word, words
-from sim_instruments.wire.scpi_device import Pair, ScpiDevice, kept, taken
+from sim_instruments.wire.scpi_device import Pair, ScpiDevice, Value, kept, taken
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
 
@@ -133,15 +133,9 @@ class CoilGenerator(ScpiDevice):
     def _switch(self, channel: GeneratorChannel, on: bool) -> None:
         channel.on = on
 
-    def _add_held(self, channel: GeneratorChannel, held: Held, *roots: str) -> None:
-        """Add settings of a channel; after each its coil has what the settings say."""
-        for header, (take, give) in held.items():
-            taking = take and partial(self._applied, channel, take)
-            self.add_commands({header: (taking, give)}, *roots)
-
-    def _applied(self, channel: GeneratorChannel, act: Callable[[Any], object], given: Any) -> None:
-        act(given)
-        channel.apply(self._clock.now())
+    def _add_held(self, channel: GeneratorChannel, table: Mapping[str, Value], *roots: str) -> None:
+        """Add commands of a channel; after each its coil has what the settings say."""
+        self.add_commands(table, *roots, after=lambda: channel.apply(self._clock.now()))
 
     def _trigger(self, *channels: GeneratorChannel) -> None:
         """Take a trigger over the line, for all channels where none is given."""

@@ -39,7 +39,7 @@ from sim_instruments.wire.scpi import (
     word,
     words,
 )
-from sim_instruments.wire.scpi_device import Pair, ScpiDevice
+from sim_instruments.wire.scpi_device import Listed, Pair, ScpiDevice
 from sim_instruments.world.piecewise import Array
 
 LANGUAGES = ("SCPI", "TSP", "SCPI2000", "SCPI34401")
@@ -158,6 +158,11 @@ class KeithleyDmm6500(ScpiDevice):
                 "FETCh?": lambda: self._part(len(self._values), len(self._values)),
                 "*OPC?": lambda: self._when_idle("1"),
                 "*WAI": lambda: self._when_idle(""),
+                "TRIGger:LOAD": Listed(loop.load),
+                "TRACe:CLEar": Listed(self._clear_buffer),
+                "TRACe:ACTual": Listed(None, lambda p: str(len(self._values)) * buffered(p)),
+                "TRACe:POINts": Listed(None, lambda p: str(CAPACITY) * buffered(p)),
+                "TRACe:DATA": Listed(None, self._data),
             }
         )
         self.add_commands({"FUNCtion": (self._choose, lambda: self._chosen)}, "", "SENSe:")
@@ -165,11 +170,6 @@ class KeithleyDmm6500(ScpiDevice):
             self.add_commands(self._function(name), f"{header}:", f"SENSe:{header}:")
             scaled = {"MATH:STATe": self._held(name, "scaled", boolean)}
             self.add_commands(scaled, f"CALCulate:{header}:")
-        self.tree.add("TRIGger:LOAD", loop.load)
-        self.tree.add("TRACe:CLEar", self._clear_buffer)
-        self.tree.add("TRACe:ACTual?", lambda given: str(len(self._values)) * buffered(given))
-        self.tree.add("TRACe:POINts?", lambda given: str(CAPACITY) * buffered(given))
-        self.tree.add("TRACe:DATA?", self._data)
 
     def _function(self, name: str) -> dict[str, Pair]:
         return {

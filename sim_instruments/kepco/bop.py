@@ -24,21 +24,28 @@ from sim_instruments.faults.lasting import (
     Overdrive,
 )
 from sim_instruments.instrument import Setting
-from sim_instruments.kepco.output import Output, add_limit_commands, scientific
-from sim_instruments.kepco.output_list import ListMemory, add_list_commands
+from sim_instruments.kepco.output import KINDS, Output, extremes, limit_commands, scientific
+from sim_instruments.kepco.output_list import ListMemory, list_commands
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.scpi import ScpiError, boolean, choice, number, single_parameter
+from sim_instruments.wire.scpi import (
+    ScpiError,
+    boolean,
+    choice,
+    number,
+    number_or,
+    single_parameter,
+    words,
+)
 from sim_instruments.wire.scpi import whole_number as whole
-from sim_instruments.wire.scpi_device import ScpiDevice, Value
+from sim_instruments.wire.scpi_device import Listed, ScpiDevice, Value
 
 MAX_MESSAGE = 253
 ROOTS = ("", "SOURce:")
+LIST_ROOTS = ("LIST:", "SOURce:LIST:")
 LEVEL = "[:LEVel][:IMMediate][:AMPlitude]"
 FILTER_S = 0.005
-MODES = {"FIX": "FIX", "FIXED": "FIX", "LIST": "LIST"}
 TRANSIENT = ("TRAN", "TRANSIENT")
-FUNCTIONS = {"VOLT": "VOLT", "VOLTAGE": "VOLT", "CURR": "CURR", "CURRENT": "CURR"}
-RANGES = {"1": 1, "4": 4}
+RANGES = (1, 4)
 
 
 class KepcoBop(ScpiDevice):
@@ -94,14 +101,14 @@ class KepcoBop(ScpiDevice):
         self._faults.when_changed(Compliance.kind, self._sag)
         self._faults.when_changed(Overdrive.kind, self._overdrive)
         self._list = ListMemory()
-        self._mode = {"CURR": "FIX", "VOLT": "FIX"}
+        self._end_list()
         self._transient_s = 0.0
-        self._ends_s = np.inf
         self._came_back = 0
         self._add_source()
         limited = truth.text("current_limit", "true").lower() != "false"
-        add_limit_commands(self, self._output, setting.clock, self._list_runs, limited=limited)
-        self._add_list()
+        limits = limit_commands(self._output, self._apply_limits, limited=limited)
+        self.add_commands(limits, *ROOTS)
+        self.add_commands(self._list_commands(), *LIST_ROOTS, before=self._not_in_a_list)
         self.begin_to_serve(setting)
 
     def energised(self) -> bool:
@@ -124,15 +131,17 @@ class KepcoBop(ScpiDevice):
     def reset(self) -> None:
         """Go to voltage mode, zero, output off, with an empty list."""
         self._list.clear()
-        self._mode = {"CURR": "FIX", "VOLT": "FIX"}
-        self._ends_s = np.inf
+        self._end_list()
         self._output.reset(self._clock.now())
 
     def before_each(self) -> None:
         """End a list or transient whose time is over: the mode is then FIX again."""
         if self._clock.now() >= self._ends_s:
-            self._mode = {"CURR": "FIX", "VOLT": "FIX"}
-            self._ends_s = np.inf
+            self._end_list()
+
+    def _end_list(self) -> None:
+        self._mode = {"CURR": "FIX", "VOLT": "FIX"}
+        self._ends_s = np.inf
 
     def _line(self, line: bytes) -> bytes:
         answer = self._answered(line)
@@ -149,54 +158,55 @@ class KepcoBop(ScpiDevice):
             return b""
         return reply.encode("ascii") + b"\n"
 
-    def _add_list(self) -> None:
-        """Add the LIST subsystem."""
-        add_list_commands(self, self._list, self._output, self._list_runs)
+    def _list_commands(self) -> dict[str, Value]:
+        """Return the LIST subsystem; its commands, not its queries, wait for the end of a list."""
+        return list_commands(self._list, self._output)
 
     def _leave_list(self, now_s: float) -> None:
         """Go from a list to the fixed set point."""
         self._output.hold(now_s)
 
     def _add_source(self) -> None:
-        add = self.tree.add
-        add("OUTPut[:STATe]", self._set_output)
-        self.add_settings(
+        output = self._output
+        self.add_commands(
             {
-                "OUTPut[:STATe]": (
-                    None,
-                    lambda: str(int(self._output.on and not self._lies())),
-                ),
-                "MEASure[:SCALar]:CURRent[:DC]": (None, self._measure_current),
-                "MEASure[:SCALar]:VOLTage[:DC]": (None, self._measure_voltage),
+                "OUTPut[:STATe]": Listed(self._set_output),
+                "OUTPut[:STATe]?": lambda: output.on and not self._lies(),
+                "MEASure[:SCALar]:CURRent[:DC]?": self._measure_current,
+                "MEASure[:SCALar]:VOLTage[:DC]?": self._measure_voltage,
+                # Over LAN the card is always in remote; the command changes nothing.
                 "SYSTem:REMote": (self._set_remote, None),
             }
         )
-        mode = (self._set_function, lambda: str(int(self._output.mode == "CURR")))
-        self.add_settings({"FUNCtion:MODE": mode}, *ROOTS)
-        for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
-            self.add_settings(self._values(kind, word), *ROOTS)
-            for root in ROOTS:
-                add(f"{root}{word}:MODE", partial(self._set_mode, kind))
-                add(f"{root}{word}{LEVEL}?", partial(self._show_level, kind))
+        mode = (self._set_function, lambda: output.mode == "CURR")
+        self.add_commands({"FUNCtion:MODE": mode}, *ROOTS)
+        for kind, word in KINDS.items():
+            self.add_commands(self._level_commands(kind), *(f"{root}{word}" for root in ROOTS))
 
-    def _values(self, kind: str, word: str) -> dict[str, Value]:
+    def _level_commands(self, kind: str) -> dict[str, Value]:
         output = self._output
         return {
-            f"{word}{LEVEL}": (partial(self._set_level, kind), None),
-            f"{word}:MODE": (None, lambda: self._mode[kind]),
-            f"{word}:RANGe": (partial(self._set_range, kind), lambda: str(output.ranges[kind])),
-            f"{word}:RANGe:AUTO": (
-                partial(self._set_auto, kind),
-                lambda: str(int(output.auto[kind])),
-            ),
+            LEVEL: (partial(self._set_level, kind), None),
+            f"{LEVEL}?": Listed(None, partial(self._show_level, kind)),
+            ":MODE": Listed(partial(self._set_mode, kind)),
+            ":MODE?": lambda: self._mode[kind],
+            ":RANGe": (partial(self._set_range, kind), lambda: output.ranges[kind]),
+            ":RANGe:AUTO": (partial(self._set_auto, kind), lambda: output.auto[kind]),
         }
+
+    def _apply_limits(self, kind: str) -> None:
+        self._output.apply_limits(self._clock.now(), kind, self._list_runs())
+
+    def _not_in_a_list(self) -> None:
+        """Refuse what cannot be while a list runs."""
+        if self._list_runs():
+            raise ScpiError(-221)
 
     def _list_runs(self) -> bool:
         self.before_each()
         return "LIST" in self._mode.values()
 
     def _set_remote(self, text: str) -> None:
-        # Over LAN the card is always in remote; the command is taken and changes nothing.
         boolean(text)
 
     def _set_output(self, parameters: list[str]) -> None:
@@ -208,8 +218,7 @@ class KepcoBop(ScpiDevice):
         if isinstance(fault, ComesBack) and self._output.on and not on:
             self._come_back(now_s, fault)
         if not on:
-            self._mode = {"CURR": "FIX", "VOLT": "FIX"}
-            self._ends_s = np.inf
+            self._end_list()
         self._output.switch(now_s, on)
 
     def _lies(self) -> bool:
@@ -226,19 +235,15 @@ class KepcoBop(ScpiDevice):
             self._faults.later(now_s + fault.after_s, switch_on)
 
     def _set_function(self, text: str) -> None:
-        mode = choice(text, FUNCTIONS)
-        if self._list_runs():
-            raise ScpiError(-221)
+        mode = choice(text, words("VOLTage", "CURRent"))
+        self._not_in_a_list()
         self._output.set_mode(self._clock.now(), mode)
 
     def _set_level(self, kind: str, text: str) -> None:
         if self._lies():
             return
-        if self._list_runs():
-            raise ScpiError(-221)
-        low, high = self._output.allowed(kind)
-        words = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
-        value = words[text.upper()] if text.upper() in words else number(text)
+        self._not_in_a_list()
+        value = number_or(text, extremes(*self._output.allowed(kind)))
         now = self._clock.now()
         if self._mode[kind] == "TRAN" and not np.isfinite(self._ends_s):
             self._ends_s = now + self._transient_s
@@ -247,13 +252,10 @@ class KepcoBop(ScpiDevice):
             self._output.set_level(now, kind, value)
 
     def _show_level(self, kind: str, parameters: list[str]) -> str:
-        _, high = self._output.allowed(kind)
-        low = -self._output.limits[kind, "NEG"]
-        if self._lies() and not parameters:
-            return scientific(0.0)
-        shown = {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
         if not parameters:
-            return scientific(self._output.levels[kind])
+            return scientific(0.0 if self._lies() else self._output.levels[kind])
+        _, high = self._output.allowed(kind)
+        shown = extremes(-self._output.limits[kind, "NEG"], high)
         word = single_parameter(parameters).upper()
         if word not in shown:
             raise ScpiError(-224)
@@ -265,17 +267,16 @@ class KepcoBop(ScpiDevice):
         if self._lies():
             return
         # The duration of a transient follows after a blank or a comma.
-        words = " ".join(parameters).split()
+        given = " ".join(parameters).split()
         now = self._clock.now()
-        if words[0].upper() in TRANSIENT:
-            seconds = number(single_parameter(words[1:]))
+        if given[0].upper() in TRANSIENT:
+            seconds = number(single_parameter(given[1:]))
             if not 0.035 <= seconds <= 1.0:
                 raise ScpiError(-222)
-            if self._list_runs():
-                raise ScpiError(-221)
+            self._not_in_a_list()
             self._transient_s, self._mode[kind] = seconds, "TRAN"
             return
-        mode = choice(single_parameter(words), MODES)
+        mode = choice(single_parameter(given), words("FIXed", "LIST"))
         if mode == "FIX":
             if self._mode[kind] != "FIX":
                 self._mode[kind], self._ends_s = "FIX", np.inf
@@ -293,7 +294,7 @@ class KepcoBop(ScpiDevice):
 
     def _set_range(self, kind: str, text: str) -> None:
         value = whole(text, 1, 4)
-        if str(value) not in RANGES:
+        if value not in RANGES:
             raise ScpiError(-224)
         self._output.set_range(self._clock.now(), kind, value, self._list_runs())
 

@@ -11,22 +11,26 @@ sine starts at zero; `LIST:CURR:APPL:SWE` and the other waveforms are left out, 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from sim_instruments.instrument import Setting
-from sim_instruments.kepco.bop import ROOTS, KepcoBop
+from sim_instruments.kepco.bop import KepcoBop
 from sim_instruments.kepco.output import Output
-from sim_instruments.kepco.output_list import ListMemory, not_while
-from sim_instruments.wire.scpi import Handler, ScpiError, boolean, choice, number
+from sim_instruments.kepco.output_list import ListMemory
+from sim_instruments.wire.scpi import Handler, ScpiError, boolean, number, whole_number, word
+from sim_instruments.wire.scpi_device import KeptSettings, KeptTable, Listed, Value, kept
 
 RATED = {"CURR": 14.0, "VOLT": 72.0}
 MAX_POINTS, SINE_POINTS = 3933, 3840
 LOWEST_HZ, HIGHEST_HZ = 0.01, 1.8
-LOADS = {name: name for name in ("ACTIVE", "RESISTIVE", "BATTERY")}
-PIN_CONTROLS = {name: name for name in ("HIGH", "LOW", "STAN", "OFF")}
+OUTPUT_KEPT: KeptTable = {
+    "OUTPut:MODE": (word("ACTIVE", "RESISTIVE", "BATTERY"), "ACTIVE"),
+    "OUTPut:CONTrol": (word("HIGH", "LOW", "STAN", "OFF"), "STAN"),
+}
 
 
 NUMBER = re.compile(r"[+-]?(\d*)\.?(\d*)")
@@ -82,30 +86,16 @@ class KepcoBop1kW(KepcoBop):
 
     def __init__(self, setting: Setting) -> None:
         self._remote = False
-        self._load, self._pin = "ACTIVE", "STAN"
         super().__init__(setting)
+        self.add_commands(KeptSettings(OUTPUT_KEPT).commands())
 
-    def _add_source(self) -> None:
-        super()._add_source()
-        self.add_settings(
-            {
-                "OUTPut:MODE": (self._set_load, lambda: self._load),
-                "OUTPut:CONTrol": (self._set_pin, lambda: self._pin),
-            }
-        )
-
-    def _add_list(self) -> None:
-        self._list = GeneratedList()
-        memory = self._list
-        commands: dict[str, Callable[[list[str]], None]] = {
-            "CLEar": memory.forget,
-            "COUNt": memory.set_count,
-            "CURRent:APPLy": self._add_waveform,
+    def _list_commands(self) -> dict[str, Value]:
+        memory = self._list = GeneratedList()
+        return {
+            "CLEar": memory.clear,
+            "COUNt": kept(memory, "count", partial(whole_number, minimum=0, maximum=255)),
+            "CURRent:APPLy": Listed(partial(self._add_waveform, memory)),
         }
-        for root in ROOTS:
-            for name, act in commands.items():
-                self.tree.add(f"{root}LIST:{name}", not_while(self._list_runs, act))
-        self.add_settings({"LIST:COUNt": (None, lambda: str(memory.count))}, *ROOTS)
 
     def _leave_list(self, now_s: float) -> None:
         self._output.stay(now_s)
@@ -136,13 +126,7 @@ class KepcoBop1kW(KepcoBop):
             return
         super()._set_mode(kind, parameters)
 
-    def _set_load(self, text: str) -> None:
-        self._load = choice(text, LOADS)
-
-    def _set_pin(self, text: str) -> None:
-        self._pin = choice(text, PIN_CONTROLS)
-
-    def _add_waveform(self, parameters: list[str]) -> None:
+    def _add_waveform(self, memory: GeneratedList, parameters: list[str]) -> None:
         if len(parameters) not in (3, 4):
             raise ScpiError(-109 if len(parameters) < 3 else -108)
         if parameters[0].upper() != "SINE":
@@ -152,5 +136,4 @@ class KepcoBop1kW(KepcoBop):
             raise ScpiError(-222)
         for level in (offset + peak_to_peak / 2, offset - peak_to_peak / 2):
             self._output.check_level("CURR", level)
-        assert isinstance(self._list, GeneratedList)
-        self._list.add_sine(frequency_Hz, peak_to_peak / 2, offset)
+        memory.add_sine(frequency_Hz, peak_to_peak / 2, offset)

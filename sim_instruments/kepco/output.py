@@ -14,12 +14,13 @@ import numpy as np
 
 from sim_instruments.kepco.current_loop import CurrentLoop, Pass
 from sim_instruments.truth import Truth
-from sim_instruments.wire.scpi import ScpiError, number
-from sim_instruments.wire.scpi_device import ScpiDevice, Value
+from sim_instruments.wire.scpi import ScpiError, number_or
+from sim_instruments.wire.scpi_device import Value
 from sim_instruments.world.currents import CurrentHistory
 from sim_instruments.world.piecewise import Array
-from station.clock import Clock
 
+Bounds = dict[tuple[str, str], float]
+KINDS = {"CURR": "CURRent", "VOLT": "VOLTage"}
 RATED = {"CURR": 12.0, "VOLT": 36.0}
 CONVERTER_STEPS = 2**15
 VOLTAGE_TRIPPED, CURRENT_TRIPPED = 4096, 8192
@@ -29,6 +30,11 @@ def scientific(value: float) -> str:
     """Return a number the way the card writes it, such as 1.39997E1."""
     mantissa, exponent = f"{value:.5E}".split("E")
     return f"{mantissa}E{int(exponent)}"
+
+
+def extremes(low: float, high: float) -> dict[str, float]:
+    """Return what MIN and MAX stand for."""
+    return {"MAX": high, "MAXIMUM": high, "MIN": low, "MINIMUM": low}
 
 
 class Output:
@@ -52,10 +58,7 @@ class Output:
         sides = ("POS", "NEG")
         self.limits = {(kind, side): rated[kind] for kind in rated for side in sides}
         self.protections = {(kind, side): 1.01 * rated[kind] for kind in rated for side in sides}
-        self.ranges = {"CURR": 1, "VOLT": 1}
-        self.auto = {"CURR": True, "VOLT": True}
-        self.levels = {"CURR": 0.0, "VOLT": 0.0}
-        self.mode = "VOLT"
+        self._forget_settings()
         self.on = False
         self.tripped = 0
         self._sagging_V = np.inf
@@ -68,23 +71,29 @@ class Output:
 
     def reset(self, time_s: float) -> None:
         """Go to voltage mode, zero, output off; limits stay as programmed."""
+        self._forget_settings()
+        self.switch(time_s, False)
+
+    def _forget_settings(self) -> None:
         self.ranges = {"CURR": 1, "VOLT": 1}
         self.auto = {"CURR": True, "VOLT": True}
         self.levels = {"CURR": 0.0, "VOLT": 0.0}
         self.mode = "VOLT"
-        self.switch(time_s, False)
 
     def allowed(self, kind: str) -> tuple[float, float]:
         """Return the least and the greatest set point; the complementary one is a magnitude."""
-        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
-        below, above = (min(full, self._limit(kind, side)) for side in ("NEG", "POS"))
-        return -below if self.mode == kind else 0.0, above
+        below, above = self._bounds(kind)
+        return below if self.mode == kind else 0.0, above
 
     def check_level(self, kind: str, value: float) -> None:
         """Refuse what is out of range with -222."""
-        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
-        if not -min(full, self._limit(kind, "NEG")) <= value <= min(full, self._limit(kind, "POS")):
+        below, above = self._bounds(kind)
+        if not below <= value <= above:
             raise ScpiError(-222)
+
+    def _bounds(self, kind: str) -> tuple[float, float]:
+        full = self.rated[kind] / (1 if self.auto[kind] else self.ranges[kind])
+        return -min(full, self._limit(kind, "NEG")), min(full, self._limit(kind, "POS"))
 
     def _limit(self, kind: str, side: str) -> float:
         """Return the limit that acts: one that is broken is shown, and holds nothing."""
@@ -110,10 +119,9 @@ class Output:
         """Drive a transient value until `until_s`, then the set point again."""
         before = self.levels[kind]
         self.set_level(time_s, kind, value)
-        during = self._driven(np.array([self.levels[self.mode]]))[0]
+        during = self._driven_now()
         self.levels[kind] = before
-        then = self._driven(np.array([self.levels[self.mode]]))[0]
-        self._stage.pulse(time_s, float(during), until_s, float(then))
+        self._stage.pulse(time_s, during, until_s, self._driven_now())
 
     def set_mode(self, time_s: float, mode: str) -> None:
         """Change between controlling the voltage and the current."""
@@ -152,19 +160,19 @@ class Output:
     def hold(self, time_s: float) -> None:
         """Drive the fixed set point from now on."""
         self._list = None
-        level = float(self._driven(np.array([self.levels[self.mode]]))[0])
+        level = self._driven_now()
         self._stage.hold(time_s, level if self.on or self.contact_sticks else 0.0)
 
     def stay(self, time_s: float) -> None:
         """Hold the point where a list is, which becomes the set point."""
-        left = rest_of(self._list[1], time_s - self._list[0]) if self._list else []
+        left = self._left(time_s)
         if left:
             self.levels[self.mode] = float(left[0][0][0])
         self.hold(time_s)
 
     def halt(self, time_s: float) -> float:
         """Walk a list to the end of its cycle and hold its last point; return when that is, s."""
-        left = rest_of(self._list[1], time_s - self._list[0]) if self._list else []
+        left = self._left(time_s)
         if not left:
             return time_s
         levels, dwells, _ = left[0]
@@ -178,7 +186,7 @@ class Output:
             (self._driven(levels) if self.on else np.zeros(levels.shape), dwells, cycles)
             for levels, dwells, cycles in passes
         ]
-        then = float(self._driven(np.array([self.levels[self.mode]]))[0]) if self.on else 0.0
+        then = self._driven_now() if self.on else 0.0
         if not self.on:
             then = 0.0
         return self._stage.run(time_s, driven, then)
@@ -193,8 +201,11 @@ class Output:
         self._overdrive = factor
         self._drive_again(time_s)
 
+    def _left(self, time_s: float) -> list[Pass]:
+        return rest_of(self._list[1], time_s - self._list[0]) if self._list else []
+
     def _drive_again(self, time_s: float) -> None:
-        left = rest_of(self._list[1], time_s - self._list[0]) if self._list else []
+        left = self._left(time_s)
         if left:
             self.run(time_s, left)
         else:
@@ -209,6 +220,10 @@ class Output:
 
     def _compliance_A(self) -> float:
         return float(min(self.levels["VOLT"], self._sagging_V)) / self.coil.resistance_ohm
+
+    def _driven_now(self) -> float:
+        """Return the level in A that the set point makes."""
+        return float(self._driven(np.array([self.levels[self.mode]]))[0])
 
     def _driven(self, levels: Array) -> Array:
         """Return the levels in A that set points make, after compliance and protection."""
@@ -260,8 +275,6 @@ def rest_of(passes: list[Pass], elapsed_s: float) -> list[Pass]:
     return []
 
 
-Bounds = dict[tuple[str, str], float]
-
 SIDES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
     (("[:BOTH]",), ("POS", "NEG")),
     ((":POSitive", ":HIGH"), ("POS",)),
@@ -269,49 +282,37 @@ SIDES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
 )
 
 
-def add_limit_commands(
-    device: ScpiDevice,
-    output: Output,
-    clock: Clock,
-    list_runs: Callable[[], bool],
-    *,
-    limited: bool,
-) -> None:
-    """Add `CURR|VOLT:LIM`, where `limited`, and `CURR|VOLT:PROT` with their queries.
+def limit_commands(
+    output: Output, changed: Callable[[str], None], *, limited: bool
+) -> dict[str, Value]:
+    """Return `CURR|VOLT:LIM`, where `limited`, and `CURR|VOLT:PROT` with their queries.
 
-    A set point beyond a limit is refused; an output beyond a protection is switched off. A set
-    point that a new limit leaves outside is brought within it.
+    A set point beyond a limit is refused; an output beyond a protection is switched off. What is
+    `changed` of a kind is told.
     """
 
-    def held(kind: str, table: Bounds, sides: tuple[str, ...], span: tuple[float, float]) -> Value:
+    def held(
+        kind: str, table: Bounds, sides: tuple[str, ...], least: float, most: float
+    ) -> tuple[Callable[[str], None], Callable[[], str]]:
         def take(text: str) -> None:
-            value = _bound(text, span)
-            for side in sides:
-                table[kind, side] = value
-            output.apply_limits(clock.now(), kind, list_runs())
+            # The negative side is given by its magnitude.
+            value = abs(number_or(text, extremes(least, most)))
+            if not least <= value <= most:
+                raise ScpiError(-222)
+            table.update(((kind, side), value) for side in sides)
+            changed(kind)
 
         return take, lambda: ",".join(scientific(table[kind, side]) for side in sides)
 
-    for kind, word in (("CURR", "CURRent"), ("VOLT", "VOLTage")):
-        for what, table, lowest, highest in (
-            *([("LIMit", output.limits, 0.0, 1.0)] if limited else []),
-            ("PROTection", output.protections, 0.01, 1.01),
-            ("PROTect", output.protections, 0.01, 1.01),
-        ):
-            span = (lowest * output.rated[kind], highest * output.rated[kind])
-            for names, sides in SIDES:
-                value = held(kind, table, sides, span)
-                headers = {f"{word}[:LEVel]:{what}{name}": value for name in names}
-                device.add_settings(headers, "", "SOURce:")
-
-
-def _bound(text: str, span: tuple[float, float]) -> float:
-    lowest, highest = span
-    words = {"MAX": highest, "MAXIMUM": highest, "MIN": lowest, "MINIMUM": lowest}
-    if text.upper() in words:
-        return words[text.upper()]
-    # The negative side is given by its magnitude.
-    value = abs(number(text))
-    if not lowest <= value <= highest:
-        raise ScpiError(-222)
-    return value
+    protections = output.protections
+    bounds = [("PROTection", protections, 0.01, 1.01), ("PROTect", protections, 0.01, 1.01)]
+    if limited:
+        bounds.append(("LIMit", output.limits, 0.0, 1.0))
+    return {
+        f"{word}[:LEVel]:{what}{name}": held(kind, table, sides, least * rated, most * rated)
+        for kind, word in KINDS.items()
+        for rated in (output.rated[kind],)
+        for what, table, least, most in bounds
+        for names, sides in SIDES
+        for name in names
+    }

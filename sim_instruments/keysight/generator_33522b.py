@@ -14,7 +14,6 @@ refused as unknown.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import ClassVar
 
@@ -30,7 +29,7 @@ from sim_instruments.keysight.generator_33522b_wave import (
 )
 from sim_instruments.wire.requests import without_blocks
 from sim_instruments.wire.scpi import ScpiError, boolean, numeric, short_of, within, word
-from sim_instruments.wire.scpi_device import KeptSettings, KeptTable, kept, taken
+from sim_instruments.wire.scpi_device import KeptSettings, KeptTable, Listed, kept, taken
 
 FIRMWARE = "4.00-1.19-2.00-52-00"
 TRIPPED = -240
@@ -130,22 +129,20 @@ class Keysight33522B(CoilGenerator):
         if number == 1:
             output |= self._sync.commands()
         # The number of the first channel may be left out, and so may SOURce.
-        first = number == 1
-        roots = [f"SOURce{number}:", *(("SOURce:", "") if first else ())]
+        numbers, sources = ([1, ""], [""]) if number == 1 else ([2], [])
+        roots = [f"SOURce{n}:" for n in numbers] + sources
         self._add_held(channel, source, *roots)
-        self._add_held(channel, trigger, f"TRIGger{number}:", *(["TRIGger:"] if first else []))
-        self._add_held(channel, output, f"OUTPut{number}", *(["OUTPut"] if first else []))
-        acts: dict[str, Callable[[list[str]], None]] = {
-            "DATA:ARBitrary": partial(self._take_points, wave, counts=False),
-            "DATA:ARBitrary:DAC": partial(self._take_points, wave, counts=True),
-            "DATA:VOLatile:CLEar": lambda _: wave.clear(),
-            **{f"APPLy:{name}": partial(self._apply, number, name) for name in FUNCTIONS},
+        self._add_held(channel, trigger, *(f"TRIGger{n}:" for n in numbers))
+        self._add_held(channel, output, *(f"OUTPut{n}" for n in numbers))
+        acts = {
+            "DATA:ARBitrary": Listed(partial(self._take_points, wave, counts=False)),
+            "DATA:ARBitrary:DAC": Listed(partial(self._take_points, wave, counts=True)),
+            "DATA:VOLatile:CLEar": Listed(lambda _: wave.clear()),
+            "APPLy": Listed(None, lambda _: self._shown(channel)),
+            **{f"APPLy:{name}": Listed(partial(self._apply, number, name)) for name in FUNCTIONS},
         }
-        for root in roots:
-            for header, act in acts.items():
-                self.tree.add(root + header, partial(self._applied, channel, act))
-            self.tree.add(f"{root}APPLy?", lambda _: self._shown(channel))
-            self.tree.add(f"{root}PHASe:SYNChronize", lambda _: None)
+        self._add_held(channel, acts, *roots)
+        self.add_commands({"PHASe:SYNChronize": Listed(lambda _: None)}, *roots)
 
     def questionable_condition(self) -> int:
         """Return 1 while an output's protection is tripped."""

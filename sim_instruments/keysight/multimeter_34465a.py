@@ -10,15 +10,16 @@ the middle of a burst end it. Only DC volts and resistance are connected; other 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from sim_instruments.faults.lasting import Frozen, Overload
-from sim_instruments.generic.converter import Converter
+from sim_instruments.generic.converter import Converter, Function
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight.multimeter_34465a_settings import Sense
-from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, add_trigger_commands
+from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, trigger_commands
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import (
     ScpiError,
@@ -28,7 +29,7 @@ from sim_instruments.wire.scpi import (
     whole_number,
     words,
 )
-from sim_instruments.wire.scpi_device import ScpiDevice, kept, taken
+from sim_instruments.wire.scpi_device import Listed, ScpiDevice, kept, taken
 from sim_instruments.world.piecewise import Array
 
 FIRMWARE = "A.03.01-03.15-03.01-00.52-04-02"
@@ -37,6 +38,7 @@ MEMORY = 2_000_000
 MEASURING, WAITING, CHANGED, ANY_ERROR = 16, 32, 256, 8192
 MEMORY_OVERFLOW = 16384
 NOT_A_NUMBER = 9.91e37
+CONFIGURED = {"[:VOLTage][:DC]": "VOLT", ":RESistance": "RES", ":FRESistance": "FRES"}
 IDENTITIES = {
     "DEF": "Keysight Technologies,34465A",
     "AT34410A": "Agilent Technologies,34410A",
@@ -132,34 +134,31 @@ class Keysight34465A(ScpiDevice):
                 "SYSTem:LICense:CATalog?": lambda: '"' + OPTIONS.replace(",", '","') + '"',
                 "*OPT?": lambda: OPTIONS,
                 "ROUTe:TERMinals?": lambda: "FRON",
+                "FORMat[:DATA]": Listed(self._set_format),
                 "FORMat[:DATA]?": lambda: "ASC,9",
+                "R": Listed(None, self._remove_block),
+                "DATA:REMove": Listed(None, self._remove),
                 "DISPlay[:STATe]": kept(self, "_lit", boolean),
                 "DISPlay:TEXT[:DATA]": kept(self, "_display", str),
                 "DISPlay:TEXT:CLEar": lambda: setattr(self, "_display", '""'),
             }
         )
-        self.tree.add("FORMat[:DATA]", self._set_format)
-        self.tree.add("R?", self._remove_block)
-        self.tree.add("DATA:REMove?", self._remove)
-        for header, name in (("[:VOLTage][:DC]", "VOLT"), (":RESistance", "RES")):
-            self._add_configuring(header, name)
-        self._add_configuring(":FRESistance", "FRES")
-        self._sense.add_to(self.tree)
-        add_trigger_commands(self.tree, trigger, self._settings_changed, self._least_period_s)
+        for header, name in CONFIGURED.items():
+            function = self._sense.functions[name]
+            configure = Listed(partial(self._configure, function))
+            measure = Listed(None, partial(self._measure, function))
+            self.add_commands({f"CONFigure{header}": configure, f"MEASure{header}": measure})
+        self._sense.add_to(self)
+        commands = trigger_commands(trigger, self._least_period_s)
+        self.add_commands(commands, after=self._settings_changed)
 
-    def _add_configuring(self, header: str, name: str) -> None:
-        function = self._sense.functions[name]
+    def _configure(self, function: Function, parameters: list[str]) -> None:
+        self._trigger.reset()
+        self._sense.configure(function, parameters)
 
-        def configure(parameters: list[str]) -> None:
-            self._trigger.reset()
-            self._sense.configure(function, parameters)
-
-        def measure(parameters: list[str]) -> str:
-            configure(parameters)
-            return self._read()
-
-        self.tree.add(f"CONFigure{header}", configure)
-        self.tree.add(f"MEASure{header}?", measure)
+    def _measure(self, function: Function, parameters: list[str]) -> str:
+        self._configure(function, parameters)
+        return self._read()
 
     def _identify(self, text: str) -> None:
         self._identity = choice(text, words("DEFault", "AT34410A", "AT34411A"))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 from sim_instruments.generic.converter import (
     APERTURES_S,
@@ -17,14 +18,8 @@ from sim_instruments.generic.converter import (
     Converter,
     Function,
 )
-from sim_instruments.wire.scpi import (
-    CommandTree,
-    ScpiError,
-    boolean,
-    numeric,
-    single_parameter,
-    unquoted,
-)
+from sim_instruments.wire.scpi import ScpiError, boolean, numeric, single_parameter, unquoted
+from sim_instruments.wire.scpi_device import Listed, ScpiDevice, Value
 
 HEADERS = {
     "VOLT": "VOLTage[:DC]",
@@ -91,16 +86,19 @@ class Sense:
         self._gates_s = dict.fromkeys(GATES_S, 0.1)
         self.chosen = self.functions["VOLT"]
 
-    def add_to(self, tree: CommandTree) -> None:
-        """Add the commands to a device's."""
-        for root in ("", "SENSe:"):
-            tree.add(f"{root}FUNCtion[:ON]", self._choose)
-            tree.add(f"{root}FUNCtion[:ON]?", lambda _: f'"{self.chosen.name}"')
-            for name, header in HEADERS.items():
-                self._add_function(tree, root + header, self.functions[name])
-            for header in GATES_S:
-                self._add_gate(tree, f"{root}{header}:APERture", header)
-        tree.add("CONFigure?", lambda _: self._configured())
+    def add_to(self, device: ScpiDevice) -> None:
+        """Add the commands to a device."""
+        named = Listed(self._choose, lambda _: f'"{self.chosen.name}"')
+        device.add_commands({"FUNCtion[:ON]": named}, "", "SENSe:")
+        device.add_commands({"CONFigure": Listed(None, lambda _: self._configured())})
+        for name, header in HEADERS.items():
+            table = self._function(self.functions[name], alternating=name.endswith(":AC"))
+            device.add_commands(
+                table, f"{header}:", f"SENSe:{header}:", after=partial(self._set, name)
+            )
+        for name in GATES_S:
+            gate = Listed(partial(self._take_gate, name), partial(self._gate, name))
+            device.add_commands({f"{name}:APERture": gate}, "", "SENSe:", after=self._changed)
 
     def configure(self, function: Function, parameters: list[str]) -> None:
         """Choose a function with its range and resolution, everything else as after `*RST`."""
@@ -113,8 +111,11 @@ class Sense:
             self._set_resolution(function, parameters[1])
         self._take(function)
 
-    def _add_function(self, tree: CommandTree, header: str, function: Function) -> None:
-        converter = self._converter
+    def _function(self, function: Function, *, alternating: bool) -> dict[str, Value]:
+        converter, ranges = self._converter, function.ranges
+
+        def row(act: Callable[[Function, str], None], give: Give) -> Listed:
+            return Listed(lambda given: act(function, single_parameter(given)), give)
 
         def among(low: float, high: float, present: Callable[[], float]) -> Give:
             return lambda p: f"{numeric(p[0], low, high, low) if p else present():+.8E}"
@@ -122,59 +123,46 @@ class Sense:
         def switch(present: Callable[[], object]) -> Give:
             return lambda _: str(int(bool(present())))
 
-        ranges = function.ranges
-        table: dict[str, tuple[Callable[[Function, str], None], Give]] = {
-            "RANGe[:UPPer]": (
-                self._set_range,
-                among(ranges[0], ranges[-1], lambda: function.range),
-            ),
-            "RANGe:AUTO": (self._set_autorange, switch(lambda: function.autorange)),
+        in_range = among(ranges[0], ranges[-1], lambda: function.range)
+        table: dict[str, Value] = {
+            "RANGe[:UPPer]": row(self._set_range, in_range),
+            "RANGe:AUTO": row(self._set_autorange, switch(lambda: function.autorange)),
         }
-        if not header.endswith(":AC"):
-            table |= {
-                "NPLCycles": (
-                    self._set_cycles,
-                    among(CYCLES[0], CYCLES[-1], lambda: function.cycles),
-                ),
-                "APERture": (
-                    self._set_aperture,
-                    among(*APERTURES_S, lambda: converter.aperture_s(function)),
-                ),
-                "APERture:ENABled": (self._enable_aperture, switch(lambda: function.aperture_s)),
-                "RESolution": (
-                    self._set_resolution,
-                    lambda _: f"{converter.resolution(function) * function.range:+.8E}",
-                ),
-            }
-            if function.can_zero:
-                table["ZERO:AUTO"] = self._set_zero, switch(lambda: function.zero_on)
+        if alternating:
+            return table
+        integrated = among(CYCLES[0], CYCLES[-1], lambda: function.cycles)
+        aperture = among(*APERTURES_S, lambda: converter.aperture_s(function))
+        table |= {
+            "NPLCycles": row(self._set_cycles, integrated),
+            "APERture": row(self._set_aperture, aperture),
+            "APERture:ENABled": row(self._enable_aperture, switch(lambda: function.aperture_s)),
+            "RESolution": row(self._set_resolution, lambda _: f"{self._resolution(function):+.8E}"),
+        }
+        if function.can_zero:
+            table["ZERO:AUTO"] = row(self._set_zero, switch(lambda: function.zero_on))
         if function.name == "VOLT":
             # Neither impedance loads what the simulated worlds have to measure.
             self._high_impedance = False
-            table["IMPedance:AUTO"] = self._set_impedance, switch(lambda: self._high_impedance)
+            shown = switch(lambda: self._high_impedance)
+            table["IMPedance:AUTO"] = row(self._set_impedance, shown)
+        return table
 
-        def setter(act: Callable[[Function, str], None]) -> Callable[[list[str]], None]:
-            def handler(parameters: list[str]) -> None:
-                act(function, single_parameter(parameters))
-                function.zeroed_at_s = self._now_s()
-                self._changed()
+    def _set(self, name: str) -> None:
+        """Measure anew after a setting of a function, with a new zero."""
+        self.functions[name].zeroed_at_s = self._now_s()
+        self._changed()
 
-            return handler
+    def _resolution(self, function: Function) -> float:
+        return self._converter.resolution(function) * function.range
 
-        for name, (act, give) in table.items():
-            tree.add(f"{header}:{name}", setter(act))
-            tree.add(f"{header}:{name}?", give)
+    def _take_gate(self, name: str, parameters: list[str]) -> None:
+        gate_s = numeric(single_parameter(parameters), 1e-3, 1.0, 0.1)
+        if not any(math.isclose(gate_s, known) for known in (1e-3, 1e-2, 0.1, 1.0)):
+            raise ScpiError(-224)
+        self._gates_s[name] = gate_s
 
-    def _add_gate(self, tree: CommandTree, header: str, name: str) -> None:
-        def take(parameters: list[str]) -> None:
-            gate_s = numeric(single_parameter(parameters), 1e-3, 1.0, 0.1)
-            if not any(math.isclose(gate_s, known) for known in (1e-3, 1e-2, 0.1, 1.0)):
-                raise ScpiError(-224)
-            self._gates_s[name] = gate_s
-            self._changed()
-
-        tree.add(header, take)
-        tree.add(f"{header}?", lambda _: f"{self._gates_s[name]:+.8E}")
+    def _gate(self, name: str, parameters: list[str]) -> str:
+        return f"{self._gates_s[name]:+.8E}"
 
     def _choose(self, parameters: list[str]) -> None:
         name = unquoted(single_parameter(parameters)).upper().removesuffix(":DC")
@@ -186,13 +174,11 @@ class Sense:
 
     def _take(self, function: Function) -> None:
         self.chosen = function
-        function.zeroed_at_s = self._now_s()
-        self._changed()
+        self._set(function.name)
 
     def _configured(self) -> str:
         used = self.chosen
-        resolution = self._converter.resolution(used) * used.range
-        return f'"{used.name} {used.range:+.8E},{resolution:+.8E}"'
+        return f'"{used.name} {used.range:+.8E},{self._resolution(used):+.8E}"'
 
     def _set_range(self, function: Function, text: str) -> None:
         lowest, highest = function.ranges[0], function.ranges[-1]

@@ -14,7 +14,6 @@ from typing import Any
 
 from sim_instruments.generic.burst import BETWEEN_READINGS_S, Burst
 from sim_instruments.wire.scpi import (
-    CommandTree,
     ScpiError,
     boolean,
     choice,
@@ -25,6 +24,7 @@ from sim_instruments.wire.scpi import (
     words,
 )
 from sim_instruments.wire.scpi import whole_number as whole
+from sim_instruments.wire.scpi_device import Listed, Value
 
 MAX_SAMPLES = 1_000_000_000
 AUTOMATIC_DELAY_S = 1e-3
@@ -92,21 +92,15 @@ class TriggerSystem(Burst):
         self.start(readings, now_s + self.pause_s(), period_s, self._busy_s)
 
 
-def add_trigger_commands(
-    tree: CommandTree,
-    trigger: TriggerSystem,
-    changed: Callable[[], None],
-    least_period_s: Callable[[], float],
-) -> None:
-    """Add the commands TRIGger and SAMPle to a device's; `changed` is called after each change."""
+def trigger_commands(
+    trigger: TriggerSystem, least_period_s: Callable[[], float]
+) -> dict[str, Value]:
+    """Return the commands TRIGger and SAMPle."""
 
-    def add(header: str, name: str, read: Callable[[str], Any], give: Callable[[], str]) -> None:
-        def handler(parameters: list[str]) -> None:
-            setattr(trigger, name, read(single_parameter(parameters)))
-            changed()
-
-        tree.add(header, handler)
-        tree.add(f"{header}?", lambda _: give())
+    def row(name: str, read: Callable[[str], Any], give: Callable[[], str]) -> Listed:
+        return Listed(
+            lambda given: setattr(trigger, name, read(single_parameter(given))), lambda _: give()
+        )
 
     def count(text: str) -> int:
         return round(numeric(text, 1, MAX_SAMPLES, 1))
@@ -125,14 +119,18 @@ def add_trigger_commands(
 
     sources, slopes = word("IMMediate", "BUS", "EXTernal", "INTernal"), word("POSitive", "NEGative")
     level, pause = within(-1000.0, 1000.0, 0.0), within(0.0, 3600.0, 1.0)
-    add("TRIGger:SOURce", "source", sources, lambda: trigger.source)
-    add("TRIGger:SLOPe", "slope", slopes, lambda: trigger.slope)
-    add("TRIGger:LEVel", "level_V", level, lambda: f"{trigger.level_V:+.8E}")
-    add("TRIGger:COUNt", "triggers", many, lambda: f"{min(trigger.triggers, 9.9e37):+.8E}")
-    add("TRIGger:DELay", "delay_s", pause, lambda: f"{trigger.pause_s():+.8E}")
-    add("TRIGger:DELay:AUTO", "delay_s", delay, lambda: str(int(trigger.delay_s is None)))
-    add("SAMPle:COUNt", "samples", count, lambda: f"{trigger.samples:+d}")
-    add("SAMPle:COUNt:PRETrigger", "before", lambda text: whole(text, 0, 0), lambda: "+0")
-    add("SAMPle:SOURce", "timed", paced, lambda: "TIM" if trigger.timed else "IMM")
-    add("SAMPle:TIMer", "timer_s", interval, lambda: f"{trigger.timer_s:+.8E}")
-    tree.add("SAMPle:TIMer?", lambda p: f"{interval(p[0]) if p else trigger.timer_s:+.8E}")
+    return {
+        "TRIGger:SOURce": row("source", sources, lambda: trigger.source),
+        "TRIGger:SLOPe": row("slope", slopes, lambda: trigger.slope),
+        "TRIGger:LEVel": row("level_V", level, lambda: f"{trigger.level_V:+.8E}"),
+        "TRIGger:COUNt": row("triggers", many, lambda: f"{min(trigger.triggers, 9.9e37):+.8E}"),
+        "TRIGger:DELay": row("delay_s", pause, lambda: f"{trigger.pause_s():+.8E}"),
+        "TRIGger:DELay:AUTO": row("delay_s", delay, lambda: str(int(trigger.delay_s is None))),
+        "SAMPle:COUNt": row("samples", count, lambda: f"{trigger.samples:+d}"),
+        "SAMPle:COUNt:PRETrigger": row("before", lambda text: whole(text, 0, 0), lambda: "+0"),
+        "SAMPle:SOURce": row("timed", paced, lambda: "TIM" if trigger.timed else "IMM"),
+        "SAMPle:TIMer": Listed(
+            lambda given: setattr(trigger, "timer_s", interval(single_parameter(given))),
+            lambda given: f"{interval(given[0]) if given else trigger.timer_s:+.8E}",
+        ),
+    }

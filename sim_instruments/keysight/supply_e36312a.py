@@ -19,7 +19,7 @@ from sim_instruments.faults.lasting import DeviceShorted
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.scpi import ScpiError, boolean, numeric
-from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.wire.scpi_device import Listed, ScpiDevice
 
 RATINGS = {1: (6.0, 5.0), 2: (25.0, 1.0), 3: (25.0, 1.0)}
 HEADROOM = 1.1
@@ -83,7 +83,7 @@ class KeysightE36312A(ScpiDevice):
         self._switched_s = 0.0
         self._outputs: dict[int, Output] = {}
         self.reset()
-        self._add_commands()
+        self._add_all()
         self.begin_to_serve(setting)
 
     def energised(self) -> bool:
@@ -144,50 +144,59 @@ class KeysightE36312A(ScpiDevice):
 
     # Commands.
 
-    def _add_commands(self) -> None:
-        level = "[:LEVel][:IMMediate][:AMPlitude]"
-        for root in ROOTS:
-            self._number(f"{root}VOLTage{level}", "voltage_V", lambda output: output.rated_V)
-            self._number(f"{root}CURRent{level}", "current_A", lambda output: output.rated_A)
-            protect = f"{root}VOLTage:PROTection"
-            self._number(
-                f"{protect}[:LEVel]", "protect_V", lambda output: HEADROOM * output.rated_V
-            )
-            self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_voltage)))
-            protect = f"{root}CURRent:PROTection"
-            self._number(f"{protect}:DELay[:TIME]", "delay_s", lambda output: MAX_DELAY_S)
-            self._set(f"{protect}:STATe", self._protect)
-            self._get(f"{protect}:STATe?", lambda n: str(int(self._outputs[n].protects_current)))
-            self._get(f"{protect}:TRIPped?", lambda n: str(int(self._outputs[n].over_current)))
-        self._set("OUTPut[:STATe]", self._switch)
-        self._get("OUTPut[:STATe]?", lambda n: str(int(self._outputs[n].on)))
-        self.tree.add("OUTPut:PROTection:CLEar", self._clear_trips)
-        dc = "[:SCALar]{}[:DC]?"
-        self._get("MEASure" + dc.format("[:VOLTage]"), lambda n: f"{self._flows(n)[0]:+.8E}")
-        self._get("MEASure" + dc.format(":CURRent"), self._measured)
+    def _add_all(self) -> None:
+        level, dc = "[:LEVel][:IMMediate][:AMPlitude]", "MEASure[:SCALar]{}[:DC]"
+        self.add_commands(
+            {
+                f"VOLTage{level}": self._number("voltage_V", lambda output: output.rated_V),
+                f"CURRent{level}": self._number("current_A", lambda output: output.rated_A),
+                "VOLTage:PROTection[:LEVel]": self._number(
+                    "protect_V", lambda output: HEADROOM * output.rated_V
+                ),
+                "VOLTage:PROTection:TRIPped": Listed(None, self._shown("over_voltage")),
+                "CURRent:PROTection:DELay[:TIME]": self._number("delay_s", lambda _: MAX_DELAY_S),
+                "CURRent:PROTection:STATe": Listed(
+                    self._setter(self._protect), self._shown("protects_current")
+                ),
+                "CURRent:PROTection:TRIPped": Listed(None, self._shown("over_current")),
+            },
+            *ROOTS,
+            after=self.before_each,
+        )
+        switch = Listed(self._setter(self._switch), self._shown("on"))
+        self.add_commands({"OUTPut[:STATe]": switch}, after=self.before_each)
+        self.add_commands(
+            {
+                "OUTPut:PROTection:CLEar": Listed(self._clear_trips),
+                dc.format("[:VOLTage]"): Listed(None, self._each(lambda n: self._flows(n)[0])),
+                dc.format(":CURRent"): Listed(None, self._each(self._measured_A)),
+            }
+        )
 
-    def _number(self, header: str, name: str, largest: Callable[[Output], float]) -> None:
+    def _number(self, name: str, largest: Callable[[Output], float]) -> Listed:
         def take(output: Output, text: str) -> None:
             setattr(output, name, numeric(text, 0.0, largest(output), 0.0))
 
-        self._set(header, take)
-        self._get(f"{header}?", lambda n: f"{getattr(self._outputs[n], name):+.8E}")
+        return Listed(self._setter(take), self._shown(name))
 
-    def _set(self, header: str, take: Callable[[Output, str], None]) -> None:
+    def _setter(self, take: Callable[[Output, str], None]) -> Callable[[list[str]], None]:
         def handler(parameters: list[str]) -> None:
             if not parameters:
                 raise ScpiError(-109)
             for number in listed(parameters[1:]):
                 take(self._outputs[number], parameters[0])
-            self.before_each()
 
-        self.tree.add(header, handler)
+        return handler
 
-    def _get(self, header: str, give: Callable[[int], str]) -> None:
-        self.tree.add(header, lambda parameters: ",".join(map(give, listed(parameters))))
+    def _shown(self, name: str) -> Callable[[list[str]], str]:
+        return self._each(lambda number: getattr(self._outputs[number], name))
 
-    def _measured(self, number: int) -> str:
-        return f"{self._gain * self._flows(number)[1] + self._offset_A:+.8E}"
+    def _each(self, give: Callable[[int], float]) -> Callable[[list[str]], str]:
+        """Return a query that answers for each output of its channel list."""
+        return lambda given: ",".join(self.written(give(number)) for number in listed(given))
+
+    def _measured_A(self, number: int) -> float:
+        return self._gain * self._flows(number)[1] + self._offset_A
 
     def _protect(self, output: Output, text: str) -> None:
         output.protects_current = boolean(text)

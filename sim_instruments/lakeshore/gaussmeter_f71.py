@@ -24,11 +24,14 @@ from sim_instruments.wire.scpi import (
     ScpiError,
     boolean,
     choice,
+    none,
     number,
     single_parameter,
     whole_number,
+    word,
+    words,
 )
-from sim_instruments.wire.scpi_device import ScpiDevice
+from sim_instruments.wire.scpi_device import KeptSettings, KeptTable, Listed, ScpiDevice, taken
 from sim_instruments.world.coils import AXES, small_rotation, wiring
 from sim_instruments.world.piecewise import Array
 
@@ -40,6 +43,7 @@ RANGES_T = (0.035, 0.35, 3.5)
 MAX_AVERAGED = 1000
 OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
+KEPT: KeptTable = {"SENSe:TCOMpensation:TSOURce": (word("PROBE", "MTEMP", "NONE"), "PROBE")}
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
 
 
@@ -81,9 +85,10 @@ class LakeshoreF71(ScpiDevice):
         self._faults = setting.faults
         self._probe_serial = f"{setting.serial}-P"
         self._last_first = truth.text("all_order", "magnitude-first") == "magnitude-last"
+        self._kept = KeptSettings(KEPT)
         self._restore_defaults()
         self._set_unit(truth.text("field_unit", "TESLA"))
-        self._add_commands()
+        self._add_all()
         self.begin_to_serve(setting)
 
     def operation_condition(self) -> int:
@@ -100,59 +105,52 @@ class LakeshoreF71(ScpiDevice):
         self._autorange, self._range_T = True, RANGES_T[0]
         self._averaged = 20
         self._last_T = np.zeros(3)
-        self._tare_T, self._temperature_source = np.zeros(4), "PROBE"
+        self._tare_T = np.zeros(4)
+        self._kept.reset()
         self._least_T, self._largest_T = np.inf, -np.inf
         self._buffer: list[FinishedReadings] = []
         self._next_tick = self._tick_now() - self._averaged
         self._collect()
         self._buffer = []
 
-    def _add_commands(self) -> None:
-        self.add_settings(
+    def _add_all(self) -> None:
+        self.add_commands(self._kept.commands())
+        self.add_commands(
             {
-                "SENSe:MODE": (self._set_mode, lambda: self._mode),
-                "SENSe:AVERage:COUNt": (self._set_averaging, lambda: str(self._averaged)),
+                "SENSe:MODE": taken(self, "_mode", self._set_mode),
+                "SENSe:AVERage:COUNt": taken(self, "_averaged", self._set_averaging),
                 "SENSe:RANGe[:UPPer]": (self._set_range, lambda: f"{self._range_T:.6E}"),
-                "SENSe:RANGe:AUTO": (self._set_autorange, lambda: str(int(self._autorange))),
+                "SENSe:RANGe:AUTO": taken(self, "_autorange", self._set_autorange),
                 "UNIT:FIELd": (
                     self._set_unit,
                     lambda: "TESLA" if self._unit_T == 1.0 else "GAUSS",
                 ),
-                "FETCh:BUFFer:DC": (None, self._read_buffer),
-                "FETCh:TEMPerature": (None, lambda: f"{self._probe_degC:.3f}"),
-                "SENSe:TCOMpensation:TSOURce": (self._set_source, lambda: self._temperature_source),
-                "FETCh[:FIELd]:MAXimum": (None, lambda: self._shown(self._largest_T)),
-                "FETCh[:FIELd]:MINimum": (None, lambda: self._shown(self._least_T)),
-                **{f"PROBe:{name}": (None, partial(str, text)) for name, text in self._probe()},
+                "FETCh[:FIELd]:DC": Listed(None, self._fetch),
+                "FETCh[:SCALar]:DC": Listed(None, self._fetch),
+                "FETCh[:FIELd]:RELative": Listed(None, partial(self._fetch, relative=True)),
+                # Of an alternating field alone.
+                "FETCh[:FIELd]:RMS": Listed(None, self._only_alternating),
+                "FETCh[:FIELd]:FREQuency": Listed(None, self._only_alternating),
+                "FETCh[:FIELd]:MAXimum?": lambda: self._shown(self._largest_T),
+                "FETCh[:FIELd]:MINimum?": lambda: self._shown(self._least_T),
+                "FETCh:BUFFer:DC?": self._read_buffer,
+                "FETCh:TEMPerature?": lambda: f"{self._probe_degC:.3f}",
+                "SENSe:MRESet": self._forget_extremes,
+                "SENSe:RELative:TARE": self._take_tare,
+                "SYSTem:ERRor:CLEar": self.errors.clear,
+                # What the memory of the probe says of it.
+                "PROBe:MODel?": lambda: '"FP-2X-250-ZS15M-6"',
+                "PROBe:SNUMber?": lambda: f'"{self._probe_serial}"',
+                "PROBe:PTYPe?": lambda: '"THREE"',
+                "PROBe:STYPe?": lambda: '"FIELDPROBE"',
+                "PROBe:SOR?": lambda: '"ASYMMETRIC"',
+                "PROBe:AXES?": lambda: "3",
+                "PROBe:CALDate?": lambda: '"2026-01-15"',
             }
         )
-        do = self._do
-        for fetch in ("FETCh[:FIELd]:DC?", "FETCh[:SCALar]:DC?"):
-            self.tree.add(fetch, self._fetch)
-        self.tree.add("FETCh[:FIELd]:RELative?", partial(self._fetch, relative=True))
-        for other in ("RMS", "FREQuency"):
-            self.tree.add(f"FETCh[:FIELd]:{other}?", do(self._only_alternating))
-        self.tree.add("SENSe:MRESet", do(self._forget_extremes))
-        self.tree.add("SENSe:RELative:TARE", do(self._take_tare))
-        self.tree.add("SYSTem:ERRor:CLEar", do(self.errors.clear))
 
-    def _probe(self) -> tuple[tuple[str, str], ...]:
-        """Return what the memory of the probe says of it, by header."""
-        return (
-            ("MODel", '"FP-2X-250-ZS15M-6"'),
-            ("SNUMber", f'"{self._probe_serial}"'),
-            ("PTYPe", '"THREE"'),
-            ("STYPe", '"FIELDPROBE"'),
-            ("SOR", '"ASYMMETRIC"'),
-            ("AXES", "3"),
-            ("CALDate", '"2026-01-15"'),
-        )
-
-    def _set_source(self, text: str) -> None:
-        words = {name: name for name in ("PROBE", "MTEMP", "NONE")}
-        self._temperature_source = choice(text, words)
-
-    def _only_alternating(self) -> None:
+    def _only_alternating(self, parameters: list[str]) -> str:
+        none(parameters)
         raise ScpiError(-221)
 
     def _magnitude_T(self) -> float:
@@ -171,16 +169,15 @@ class LakeshoreF71(ScpiDevice):
         return f"{(extreme_T if np.isfinite(extreme_T) else 0.0) / self._unit_T:+.7E}"
 
     def _set_mode(self, text: str) -> None:
-        mode = choice(text, {"DC": "DC", "AC": "AC", "HIFR": "HIFR"})
-        self._collect()
-        self._mode = mode
-        self._start_window()
+        self._begin_anew("_mode", choice(text, words("DC", "AC", "HIFR")))
 
     def _set_averaging(self, text: str) -> None:
-        count = whole_number(text, 1, MAX_AVERAGED)
+        self._begin_anew("_averaged", whole_number(text, 1, MAX_AVERAGED))
+
+    def _begin_anew(self, name: str, value: object) -> None:
         self._collect()
-        self._averaged = count
-        self._start_window()
+        setattr(self, name, value)
+        self._next_tick = self._tick_now()
 
     def _set_range(self, text: str) -> None:
         wanted = number(text)
@@ -250,9 +247,6 @@ class LakeshoreF71(ScpiDevice):
         now_s = (self._clock.now() + self._clock_offset_s) * self._clock_rate
         # A window that ends at this very moment is finished, whatever the last bit says.
         return int(np.floor(now_s * TICKS_PER_S + 1e-6))
-
-    def _start_window(self) -> None:
-        self._next_tick = self._tick_now()
 
     def _collect(self) -> None:
         """Finish all averaging windows that have ended; the last reading and the buffer follow."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.wire.scpi import (
@@ -23,7 +23,15 @@ Give = Callable[[], str | float]
 Pair = tuple[Callable[[str], object] | None, Give | None]
 """What takes the parameter of a header, and what gives the answer to its query, if it has them."""
 
-Value = Pair | Callable[[], Any]
+
+class Listed(NamedTuple):
+    """A setting whose command and query get all their parameters, however many."""
+
+    take: Callable[[list[str]], Any] | None = None
+    give: Callable[[list[str]], str] | None = None
+
+
+Value = Pair | Listed | Callable[[], Any]
 KeptTable = Mapping[str, tuple[Callable[[str], str | float], str | float]]
 """What reads each setting, and its value after `*RST`."""
 
@@ -36,6 +44,23 @@ def kept(owner: object, name: str, read: Callable[[str], object]) -> Pair:
 def taken(owner: object, name: str, take: Callable[[str], object]) -> Pair:
     """Return a setting that `take` changes and an attribute of its owner shows."""
     return take, partial(getattr, owner, name)
+
+
+def around(
+    act: Handler, before: Callable[[], object] | None, after: Callable[[], object] | None
+) -> Handler:
+    """Return a command with what is called before it and, where it is not refused, after it."""
+    if before is None and after is None:
+        return act
+
+    def handler(parameters: list[str]) -> None:
+        if before is not None:
+            before()
+        act(parameters)
+        if after is not None:
+            after()
+
+    return handler
 
 
 class KeptSettings:
@@ -165,26 +190,38 @@ class ScpiDevice(LineInstrument):
         self.refuse(-363)
         return b""
 
-    def add_commands(self, table: Mapping[str, Value], *roots: str) -> None:
+    def add_commands(
+        self,
+        table: Mapping[str, Value],
+        *roots: str,
+        before: Callable[[], object] | None = None,
+        after: Callable[[], object] | None = None,
+    ) -> None:
         """Add headers, behind each of the `roots` where there are any, with what they do.
 
         A pair is a setting, see `Pair`; what stands alone takes no parameter: it acts, or answers
-        where its header ends with `?`.
+        where its header ends with `?`. `before` and `after` are called around each that is no
+        query, `after` where it was not refused.
         """
-        for root in roots or ("",):
-            for header, does in table.items():
-                if isinstance(does, tuple):
-                    take, give = does
-                    if take is not None:
-                        self.tree.add(root + header, self._taking(take))
-                    if give is not None:
-                        self.tree.add(f"{root}{header}?", self._answer(give))
-                else:
-                    bare = self._answer if header.endswith("?") else self._do
-                    self.tree.add(root + header, bare(does))
+        for header, does in table.items():
+            act, answer = self._handlers(header, does)
+            for root in roots or ("",):
+                if act is not None:
+                    self.tree.add(root + header, around(act, before, after))
+                if answer is not None:
+                    self.tree.add(f"{root}{header.removesuffix('?')}?", answer)
 
     add_settings = add_commands
     """Its name before there was more in a table."""
+
+    def _handlers(self, header: str, does: Value) -> tuple[Handler | None, Handler | None]:
+        """Return what a header does as a command, and as a query."""
+        if isinstance(does, Listed):
+            return does.take, does.give
+        if isinstance(does, tuple):
+            take, give = does
+            return take and self._taking(take), give and self._answer(give)
+        return (None, self._answer(does)) if header.endswith("?") else (self._do(does), None)
 
     def written(self, value: str | float) -> str:
         """Return a value as the instrument answers it: a switch as 1 or 0."""
