@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from station.units import UnitError, parse_as
@@ -87,6 +87,15 @@ class Truth:
         if isinstance(value, Mapping | list) or value is None:
             raise SimulationError(f"{self.where}.{key}: a text was expected, got {value!r}")
         return str(value)
+
+    def word(self, key: str, words: Collection[str], default: str | None = None) -> str:
+        """Return a text that is one of several."""
+        text = self.text(key, default)
+        if text not in words:
+            raise SimulationError(
+                f"{self.where}.{key}: one of {', '.join(words)} was expected, got {text!r}"
+            )
+        return text
 
     def switch(self, key: str) -> bool:
         """Return true or false; false when the key is missing, a switch being no number."""

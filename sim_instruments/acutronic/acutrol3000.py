@@ -72,9 +72,7 @@ class Acutrol3000(LineInstrument):
     def __init__(self, setting: Setting) -> None:
         truth, clock = setting.truth, setting.clock
         self._answers = Answers(truth)
-        self._mode_home = truth.text("mode_home", HOMES[0])
-        if self._mode_home not in HOMES:
-            raise SimulationError(f"{truth.where}.mode_home: write one of {', '.join(HOMES)}")
+        self._mode_home = truth.word("mode_home", HOMES, HOMES[0])
         self._identity = f"Acutronic R&D USA,Acutrol3000,{setting.serial},{FIRMWARE}"
         table, world = TableData.read(truth), setting.world.find(Table)
         self.axes = Axes()

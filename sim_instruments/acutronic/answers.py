@@ -18,7 +18,7 @@ import struct
 from collections import deque
 
 from sim_instruments.acutronic.language import TEXTS, Answer, decimal, rounded
-from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.truth import Truth
 
 FORMS = {
     "framing": ("framed", "line"),
@@ -36,11 +36,10 @@ class Answers:
     """The forms of one controller."""
 
     def __init__(self, truth: Truth) -> None:
-        chosen = {}
-        for key, forms in FORMS.items():
-            chosen[key] = truth.text(key, None if key == "framing" else forms[0])
-            if chosen[key] not in forms:
-                raise SimulationError(f"{truth.where}.{key}: write one of {', '.join(forms)}")
+        chosen = {
+            key: truth.word(key, forms, None if key == "framing" else forms[0])
+            for key, forms in FORMS.items()
+        }
         self.framing = chosen["framing"]
         self._prefix = chosen["prefix"]
         self._command = "OK" if chosen["commands_answer"] == "ok" else "\r\n"

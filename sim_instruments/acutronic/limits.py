@@ -22,7 +22,7 @@ from sim_instruments.acutronic.language import (
     whole,
 )
 from sim_instruments.acutronic.table import TRIP_ABOVE, TableData
-from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.truth import Truth
 
 OF_A_MODE = {"Rate": "rate", "Acceleration": "acceleration", "Jerk": "jerk"}
 TRIP = "velocity_trip"
@@ -46,9 +46,7 @@ class Limits:
 
     def __init__(self, truth: Truth, axes: Axes, table: TableData) -> None:
         self._axes, self._table = axes, table
-        self._form = truth.text("limits_by", "either")
-        if self._form not in FORMS:
-            raise SimulationError(f"{truth.where}.limits_by: write one of {', '.join(FORMS)}")
+        self._form = truth.word("limits_by", FORMS, FORMS[0])
         self._absolutes = truth.integer("absolute_limits", 6, 7)
 
     def add_to(self, language: Language) -> None:

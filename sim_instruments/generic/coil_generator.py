@@ -11,7 +11,6 @@ from sim_instruments.faults.lasting import LastingFault, LoadReset, NoTrigger
 from sim_instruments.generic.coil_channel import OPEN, GeneratorChannel
 from sim_instruments.generic.waveform import Ratings, Wave
 from sim_instruments.instrument import Setting
-from sim_instruments.truth import SimulationError
 from sim_instruments.wire.scpi import NO_ERROR, ScpiError, boolean, choice, numeric, word, words
 from sim_instruments.wire.scpi_device import Pair, ScpiDevice, Value, kept, taken
 from sim_instruments.world.base import TriggerLine
@@ -55,11 +54,7 @@ class CoilGenerator(ScpiDevice):
         for number in (1, 2):
             # JSON has no numbers for keys.
             key: Any = number if number in coils else str(number)
-            coil, history = coils.text(key), VoltageHistory()
-            if coil not in COILS:
-                raise SimulationError(
-                    f"{coils.where}.{key}: one of {', '.join(COILS)} was expected"
-                )
+            coil, history = coils.word(key, COILS), VoltageHistory()
             wave = self.wave_kind(self.ratings, self._complain)
             channel = self._channels[number] = GeneratorChannel(
                 history, gains.quantity(key, "1"), offsets.quantity(key, "V"), wave

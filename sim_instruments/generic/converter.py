@@ -98,12 +98,7 @@ class Converter:
         self._accelerometer = setting.world.find(AccelerometerWorld)
         self._pt100 = setting.world.find(Pt100World)
         self._rng, self._faults = setting.rng, setting.faults
-        self.measures = truth.text("measures")
-        if self.measures not in ("accelerometer", "pt100", "nothing"):
-            raise SimulationError(
-                f"{truth.where}.measures: accelerometer, pt100 or nothing was expected, "
-                f"got {self.measures!r}"
-            )
+        self.measures = truth.word("measures", ("accelerometer", "pt100", "nothing"))
         self._noise = truth.quantity("noise", "1")
         self.line_frequency_Hz = truth.quantity("line_frequency", "Hz")
         if self.line_frequency_Hz not in (50.0, 60.0):

@@ -8,11 +8,13 @@ world's version says that something did.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from sim_instruments.faults.lasting import AlignmentFails, Frozen, GyroFails, Silent
+from sim_instruments.generic.outputs import Ahead, OutputModel
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.piecewise import Array
@@ -28,7 +30,6 @@ VERSIONS = (1, 0, 1, PROTOCOL_VERSION)
 TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 100.0, 32767  # per degC
 MAX_REPORTED = 0xFFFF  # of an alignment, in units of 0.1 s
 FIRST_AHEAD, MAX_AHEAD = 64, 256
-MAX_AHEAD_S = 60.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, AlignmentFails.kind, GyroFails.kind)
 
 Values = list[float]
@@ -76,7 +77,7 @@ class Output(NamedTuple):
         return [max(-LARGEST_TEMPERATURE, min(step, LARGEST_TEMPERATURE)) for step in steps]
 
 
-class NavigatorModel:
+class NavigatorModel(OutputModel):
     """A navigator that answers commands and gives each output to `send` when it is due.
 
     Truth (`simulator` mapping): `resolution` of the angles; `latency` between the instant of an
@@ -89,18 +90,14 @@ class NavigatorModel:
         truth = setting.truth
         self.serial = setting.serial_number("the navigator's")
         self._resolution_deg = truth.quantity("resolution", "deg")
-        self._latency_s = truth.quantity("latency", "s")
-        self._stretch = 1.0 + truth.quantity("clock_error", "1")
+        super().__init__(setting, truth.quantity("latency", "s"))
         if self._resolution_deg <= 0 or self._latency_s < 0:
             raise SimulationError(
                 f"{truth.where}: resolution must be positive, latency not negative"
             )
-        self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
-        self._lock = setting.world.lock
         self._world = setting.world.find(NavigatorWorld)
         self._send = send
-        self._closed = False
-        self._run = 0
+        self._ahead = Ahead(FIRST_AHEAD, MAX_AHEAD)
         self._aligning_since_s: float | None = None
         self._last: Values | None = None
         self.rate = 0
@@ -135,11 +132,7 @@ class NavigatorModel:
         self.rate, self.counter = rate, 0
         self._begin_s, self._interval_s = self._clock.now(), 10.0 / rate * self._stretch
         self._forget_ahead()
-        self._run += 1
-        number = self._run
-        # The first run has the device's own name, for the order among equal times.
-        name = self._name if number == 1 else f"{self._name} {number}"
-        self._clock.repeat(name, self._due_s(), lambda: self._output(number))
+        self._begin()
         return OK
 
     def _align(self, latitude_deg: float) -> int:
@@ -165,11 +158,6 @@ class NavigatorModel:
             return bits | ALIGNED
         return bits | (ALIGNING if self._aligning_since_s is not None else 0)
 
-    def close(self) -> None:
-        """End the output for good; the thread ends when it next looks."""
-        self._closed = True
-        self.rate = 0
-
     def _powered(self) -> bool:
         on = self._world is not None and self._world.dut_powered
         if not on:
@@ -177,21 +165,15 @@ class NavigatorModel:
             self.rate, self._aligning_since_s = 0, None
         return on
 
-    def _time_s(self, counter: int) -> float:
-        return self._begin_s + counter * self._interval_s
+    def _next_s(self) -> float:
+        return self._begin_s + (self.counter + 1) * self._interval_s + self._latency_s
 
-    def _due_s(self) -> float:
-        return self._time_s(self.counter + 1) + self._latency_s
+    def _goes_on(self) -> bool:
+        return self._powered() and self.rate > 0
 
-    def _output(self, number: int) -> float | None:
-        """Send the next output of a run; return when the one after it is due, None at its end."""
-        with self._lock:
-            if self._closed or number != self._run or not self._powered() or not self.rate:
-                return None
-            output = self._next()
-        if output is not None:
-            self._send(output)
-        return self._due_s()
+    def _due(self) -> Callable[[], object] | None:
+        output = self._next()
+        return None if output is None else partial(self._send, output)
 
     def _next(self) -> Output | None:
         """Return the next output; None for one that a fault keeps back."""
@@ -219,12 +201,11 @@ class NavigatorModel:
     def _forget_ahead(self) -> None:
         self._computed: list[Values] = []
         self._used = 0
-        self._ahead = FIRST_AHEAD
+        self._ahead.forget()
         self._version = self._world.version if self._world is not None else 0
 
     def _compute_ahead(self, world: NavigatorWorld) -> None:
-        count = max(1, min(self._ahead, int(MAX_AHEAD_S / self._interval_s)))
-        self._ahead = min(2 * self._ahead, MAX_AHEAD)
+        count = self._ahead.count(self._interval_s)
         times_s = self._begin_s + self._interval_s * np.arange(
             self.counter, self.counter + count, dtype=np.float64
         )

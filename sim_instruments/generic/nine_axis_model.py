@@ -7,19 +7,20 @@ when the world's version says that something did.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Frozen, GyroFails, Overheating, Overload, Silent
+from sim_instruments.generic.outputs import Ahead, OutputModel
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.nine_axis_sensor import Means
 from sim_instruments.world.piecewise import Array
 
 FIRST_AHEAD, MAX_AHEAD = 16, 1024
-MAX_AHEAD_S = 60.0
 SHORTEST_BATCH_S = 0.1
 ROOM_DEGC = 22.0
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Overload.kind, GyroFails.kind, Overheating.kind)
@@ -67,7 +68,7 @@ class Shelf:
         )
 
 
-class NineAxisModel:
+class NineAxisModel(OutputModel):
     """A sensor that gives its outputs to `send` when they are due, in batches of at least 0.1 s.
 
     `encode` makes frames of what is measured: it is given counters from 1 and the means. Truth
@@ -82,16 +83,12 @@ class NineAxisModel:
         send: Callable[[Sequence[Any]], None],
     ) -> None:
         truth = setting.truth
-        self._latency_s = truth.quantity("latency", "s")
-        self._stretch = 1.0 + truth.quantity("clock_error", "1")
+        super().__init__(setting, truth.quantity("latency", "s"))
         if self._latency_s < 0:
             raise SimulationError(f"{truth.where}.latency: must not be negative")
-        self._name, self._clock, self._faults = setting.name, setting.clock, setting.faults
-        self._lock = setting.world.lock
         self._world: SensorWorld = setting.world.find(SensorWorld) or Shelf()
         self._encode, self._send = encode, send
-        self._closed = False
-        self._run = 0
+        self._ahead = Ahead(FIRST_AHEAD, MAX_AHEAD)
         self.rate_Hz = 0.0
         """Outputs per second now, by the sensor's clock; 0 while nothing is output."""
         self.counter = 0
@@ -119,36 +116,21 @@ class NineAxisModel:
         self.rate_Hz, self.counter = rate_Hz, 0
         self._begin_s, self._interval_s = self._clock.now(), self._stretch / rate_Hz
         self._forget_ahead()
-        self._run += 1
-        number = self._run
-        # The first run has the device's own name, for the order among equal times.
-        name = self._name if number == 1 else f"{self._name} {number}"
         self._batch = max(1, int(np.ceil(SHORTEST_BATCH_S / self._interval_s - 1e-3)))
-        self._clock.repeat(name, self._due_s(), lambda: self._output(number))
+        self._begin()
 
     def stop(self) -> None:
         """End the output."""
         self.rate_Hz = 0.0
 
-    def close(self) -> None:
-        """End the output for good; the thread ends when it next looks."""
-        self._closed = True
-        self.rate_Hz = 0.0
+    def _next_s(self) -> float:
+        return self._begin_s + (self.counter + self._batch) * self._interval_s + self._latency_s
 
-    def _time_s(self, counter: int) -> float:
-        return self._begin_s + counter * self._interval_s
+    def _goes_on(self) -> bool:
+        return self.powered and self.rate_Hz > 0
 
-    def _due_s(self) -> float:
-        return self._time_s(self.counter + self._batch) + self._latency_s
-
-    def _output(self, number: int) -> float | None:
-        """Send the next batch of a run; return when the one after it is due, None at its end."""
-        with self._lock:
-            if self._closed or number != self._run or not self.powered or not self.rate_Hz:
-                return None
-            frames = self._next(self._batch)
-        self._send(frames)
-        return self._due_s()
+    def _due(self) -> Callable[[], object]:
+        return partial(self._send, self._next(self._batch))
 
     def _next(self, batch: int) -> Sequence[Any]:
         """Return the frames of the next outputs, without those that a fault keeps back."""
@@ -189,12 +171,11 @@ class NineAxisModel:
     def _forget_ahead(self) -> None:
         self._frames: Sequence[Any] = []
         self._used = 0
-        self._ahead = FIRST_AHEAD
+        self._ahead.forget()
         self._version = self._world.version
 
     def _compute_ahead(self, at_least: int) -> None:
-        count = max(at_least, min(self._ahead, int(MAX_AHEAD_S / self._interval_s)))
-        self._ahead = min(2 * self._ahead, MAX_AHEAD)
+        count = self._ahead.count(self._interval_s, at_least)
         counters = np.arange(self.counter, self.counter + count + 1)
         self._rows = self._world.nine_axis_means(
             np.asarray(self._begin_s + self._interval_s * counters)

@@ -15,93 +15,17 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.faults.lasting import Dark, Frozen, LastingFault, Overheating, Silent
+from sim_instruments.generic.outputs import Ahead, OutputModel
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.world.laser_gyro import LaserGyroBench, PulseNoise
 
 FIRST_AHEAD, MAX_AHEAD = 8, 1024
-MAX_AHEAD_S = 60.0
 NO_SENSOR = -32768
 FRAME = np.dtype([("sequence", "<u2"), ("counts", "<i4"), ("temperature", "<i2")])
 """As the board on CAN sends a sample; temperatures in 0.01 degC."""
 
 Rows = npt.NDArray[np.void]
-
-
-class PulseSampler:
-    """Counts and temperatures of one gyro, acquisition after acquisition."""
-
-    def __init__(self, world: LaserGyroBench, rng: np.random.Generator) -> None:
-        self._world = world
-        self._rng = rng
-        self._noise: PulseNoise | None = None
-        self._begin_s = 0.0
-        self._samples = 0
-        self.interval_s = 0.0
-        self.overflowed = False
-        self._forget_ahead()
-
-    def begin(self, time_s: float, interval_s: float) -> None:
-        """Start an acquisition: counters and sequence at zero."""
-        rate = 0.0
-        if self._noise is not None:
-            end_s = self.time_s(self._samples)
-            hours = max(time_s - end_s, 0.0) / 3600.0
-            step = self._world.gyro.walk_deg_per_h * np.sqrt(hours)
-            # Between acquisitions the gyro's rate walks on unseen.
-            rate = self._noise.rate_deg_per_h(self._samples)
-            rate += float(step * self._rng.standard_normal())
-        self._noise = PulseNoise(self._world.gyro, self._rng, interval_s, rate)
-        self._begin_s, self.interval_s = time_s, interval_s
-        self._samples, self._angle_arcsec = 0, 0.0
-        self.overflowed = False
-        self._forget_ahead()
-
-    def time_s(self, sample: int) -> float:
-        """Return the run time at which interval `sample` (from 1) ends."""
-        return self._begin_s + sample * self.interval_s
-
-    def rows(self, count: int) -> Rows:
-        """Return the next `count` samples, of FRAME."""
-        if self._version != self._world.version:
-            self._forget_ahead()
-        if self._used + count > len(self._rows):
-            self._compute_ahead(count)
-        rows = self._rows[self._used : self._used + count]
-        self._used += count
-        self._samples += count
-        self._angle_arcsec = float(self._angles[self._used - 1])
-        return rows
-
-    def _forget_ahead(self) -> None:
-        self._rows: Rows = np.empty(0, dtype=FRAME)
-        self._angles: npt.NDArray[np.float64] = np.empty(0)
-        self._used = 0
-        self._ahead = FIRST_AHEAD
-        self._version = self._world.version
-
-    def _compute_ahead(self, at_least: int) -> None:
-        assert self._noise is not None, "begin comes before rows"
-        gyro, first = self._world.gyro, self._samples
-        count = max(at_least, min(self._ahead, int(MAX_AHEAD_S / self.interval_s)))
-        self._ahead = min(2 * self._ahead, MAX_AHEAD)
-        edges_s = np.arange(first, first + count + 1, dtype=np.float64) * self.interval_s
-        edges_s += self._begin_s
-        on = np.diff(gyro.heat.on_time(edges_s)) / self.interval_s
-        steps = self._world.gyro_angle_arcsec(edges_s)
-        steps = steps + on * self._noise.angle_steps_arcsec(first, count)
-        self._angles = self._angle_arcsec + np.cumsum(steps)
-        dither = np.where(on > 0.5, self._noise.dither_arcsec(first, count), 0.0)
-        pulses = np.floor((self._angles + dither) / gyro.pulse_arcsec + self._noise.phase)
-        counts = pulses.astype(np.int64)
-        self.overflowed = self.overflowed or bool((np.abs(counts) >= 2**31).any())
-        frames = np.empty(count, dtype=FRAME)
-        frames["sequence"] = np.arange(first + 1, first + count + 1) & 0xFFFF
-        frames["counts"] = counts.astype(np.int32)
-        warm = gyro.temperature_degC(edges_s[1:])
-        frames["temperature"] = np.clip(np.round(warm * 100.0), -32767, 32767).astype(np.int16)
-        self._rows = frames
-        self._used = 0
 
 
 class OpenInputs:
@@ -131,6 +55,74 @@ class OpenInputs:
         return frames
 
 
+class PulseSampler(OpenInputs):
+    """Counts and temperatures of one gyro, acquisition after acquisition."""
+
+    def __init__(self, world: LaserGyroBench, rng: np.random.Generator) -> None:
+        self._world = world
+        self._rng = rng
+        self._noise: PulseNoise | None = None
+        super().__init__()
+        self._ahead = Ahead(FIRST_AHEAD, MAX_AHEAD)
+        self._forget_ahead()
+
+    def begin(self, time_s: float, interval_s: float) -> None:
+        """Start an acquisition: counters and sequence at zero."""
+        rate = 0.0
+        if self._noise is not None:
+            end_s = self.time_s(self._samples)
+            hours = max(time_s - end_s, 0.0) / 3600.0
+            step = self._world.gyro.walk_deg_per_h * np.sqrt(hours)
+            # Between acquisitions the gyro's rate walks on unseen.
+            rate = self._noise.rate_deg_per_h(self._samples)
+            rate += float(step * self._rng.standard_normal())
+        self._noise = PulseNoise(self._world.gyro, self._rng, interval_s, rate)
+        super().begin(time_s, interval_s)
+        self._angle_arcsec, self.overflowed = 0.0, False
+        self._forget_ahead()
+
+    def rows(self, count: int) -> Rows:
+        """Return the next `count` samples, of FRAME."""
+        if self._version != self._world.version:
+            self._forget_ahead()
+        if self._used + count > len(self._rows):
+            self._compute_ahead(count)
+        rows = self._rows[self._used : self._used + count]
+        self._used += count
+        self._samples += count
+        self._angle_arcsec = float(self._angles[self._used - 1])
+        return rows
+
+    def _forget_ahead(self) -> None:
+        self._rows: Rows = np.empty(0, dtype=FRAME)
+        self._angles: npt.NDArray[np.float64] = np.empty(0)
+        self._used = 0
+        self._ahead.forget()
+        self._version = self._world.version
+
+    def _compute_ahead(self, at_least: int) -> None:
+        assert self._noise is not None, "begin comes before rows"
+        gyro, first = self._world.gyro, self._samples
+        count = self._ahead.count(self.interval_s, at_least)
+        edges_s = np.arange(first, first + count + 1, dtype=np.float64) * self.interval_s
+        edges_s += self._begin_s
+        on = np.diff(gyro.heat.on_time(edges_s)) / self.interval_s
+        steps = self._world.gyro_angle_arcsec(edges_s)
+        steps = steps + on * self._noise.angle_steps_arcsec(first, count)
+        self._angles = self._angle_arcsec + np.cumsum(steps)
+        dither = np.where(on > 0.5, self._noise.dither_arcsec(first, count), 0.0)
+        pulses = np.floor((self._angles + dither) / gyro.pulse_arcsec + self._noise.phase)
+        counts = pulses.astype(np.int64)
+        self.overflowed = self.overflowed or bool((np.abs(counts) >= 2**31).any())
+        frames = np.empty(count, dtype=FRAME)
+        frames["sequence"] = np.arange(first + 1, first + count + 1) & 0xFFFF
+        frames["counts"] = counts.astype(np.int32)
+        warm = gyro.temperature_degC(edges_s[1:])
+        frames["temperature"] = np.clip(np.round(warm * 100.0), -32767, 32767).astype(np.int16)
+        self._rows = frames
+        self._used = 0
+
+
 START, STOP, IDENTIFY, REPORT_STATUS = 1, 2, 3, 4
 OK, UNKNOWN_COMMAND, BAD_INTERVAL, BAD_MASK, ALREADY_RUNNING, BAD_LENGTH = range(6)
 REFUSED_BIT, OVERFLOW_BIT = 1, 2
@@ -142,13 +134,13 @@ SHORTEST, LONGEST = 10, 100_000  # sample interval in units of 0.1 ms
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Dark.kind, Overheating.kind)
 
 
-class PulseBoardModel:
+class PulseBoardModel(OutputModel):
     """The board, with the gyro of the simulated world on one of its channels where it has one.
 
-    Truth (`simulator` mapping): `clock_error` of the board's clock: by how much its intervals are
-    too long. `send` gets the numbers of samples (from 1) and what the gyro's channel counted in
-    them, those that go out, with the world's lock held; it returns what sends them, without it.
-    They go out in batches of `shortest_batch_s` or of one, `latency_s` after the last one's end.
+    Its truth is that of `OutputModel`. `send` gets the numbers of samples (from 1) and what the
+    gyro's channel counted in them, those that go out, with the world's lock held; it returns what
+    sends them, without it. They go out in batches of `shortest_batch_s` or of one, `latency_s`
+    after the last one's end.
     """
 
     def __init__(
@@ -158,11 +150,9 @@ class PulseBoardModel:
         latency_s: float = 0.0,
         shortest_batch_s: float = 0.1,
     ) -> None:
-        self._name, self._clock, self._send = setting.name, setting.clock, send
-        self._world = setting.world
-        self._latency_s, self._shortest_batch_s = latency_s, shortest_batch_s
+        super().__init__(setting, latency_s)
+        self._world, self._send, self._shortest_batch_s = setting.world, send, shortest_batch_s
         self.serial = setting.serial_number("the pulse board's")
-        self._stretch = 1.0 + setting.truth.quantity("clock_error", "1")
         self._gyro_bench = self._world.find(LaserGyroBench)
         self.gyro_bit = 1 << (self._gyro_bench.gyro.channel - 1) if self._gyro_bench else 0
         if self.gyro_bit >= 1 << CHANNELS:
@@ -170,11 +160,8 @@ class PulseBoardModel:
         self._sampler = (
             PulseSampler(self._gyro_bench, setting.rng) if self._gyro_bench else OpenInputs()
         )
-        self._acquisition = 0
-        self.running = False
+        self.running, self._batch = False, 1
         self.mask = self.interval = self.samples = self.error_bits = 0
-        self._closed = False
-        self._faults = setting.faults
         self._faults.when_changed(Dark.kind, self._darken)
         self._faults.when_changed(Overheating.kind, self._overheat)
         self._last_shown = np.zeros(1, dtype=FRAME)
@@ -225,10 +212,6 @@ class PulseBoardModel:
         """Return the run time at which a sample interval (from 1) ends."""
         return self._sampler.time_s(sample)
 
-    def close(self) -> None:
-        """End the sampling; the threads end when they next look."""
-        self._closed = True
-
     def _start(self, mask: int, interval: int) -> int:
         if self.running:
             return ALREADY_RUNNING
@@ -238,39 +221,30 @@ class PulseBoardModel:
             return BAD_MASK
         self.mask, self.interval = mask, interval
         self.samples, self.error_bits = 0, 0
-        self._acquisition += 1
         self.running = True
-        number = self._acquisition
         self._sampler.begin(self._clock.now(), interval * 1e-4 * self._stretch)
-        # The first acquisition has the device's own name, for the order among equal times.
-        name = self._name if number == 1 else f"{self._name} {number}"
-        batch = max(1, int(np.ceil(self._shortest_batch_s / self._sampler.interval_s - 1e-3)))
-        self._clock.repeat(name, self._look_s(batch), lambda: self._acquire(number, batch))
+        samples = np.ceil(self._shortest_batch_s / self._sampler.interval_s - 1e-3)
+        self._batch = max(1, int(samples))
+        self._begin()
         return OK
 
-    def _due_s(self, batch: int) -> float:
-        return self.time_s(self.samples + batch) + self._latency_s
+    def _batch_s(self) -> float:
+        return self.time_s(self.samples + self._batch) + self._latency_s
 
-    def _look_s(self, batch: int) -> float:
+    def _next_s(self) -> float:
         """Return when the next batch is due; before it is, when to notice an end."""
-        return min(self._due_s(batch), self._clock.now() + 1.0)
+        return min(self._batch_s(), self._clock.now() + 1.0)
 
-    def _acquire(self, number: int, batch: int) -> float | None:
-        """Send a batch of one acquisition if it is due; return when to do so again."""
-        with self._world.lock:
-            if self._over(number):
-                return None
-            if self._due_s(batch) > self._clock.now():
-                return self._look_s(batch)
-            self._faults.catch_up()
-            send = self._send(*self._batch(batch))
-        send()
-        return self._look_s(batch)
+    def _goes_on(self) -> bool:
+        return self.running
 
-    def _over(self, number: int) -> bool:
-        return self._closed or not self.running or number != self._acquisition
+    def _due(self) -> Callable[[], object] | None:
+        if self._batch_s() > self._clock.now():
+            return None
+        self._faults.catch_up()
+        return self._send(*self._taken(self._batch))
 
-    def _batch(self, count: int) -> tuple[npt.NDArray[np.int64], Rows]:
+    def _taken(self, count: int) -> tuple[npt.NDArray[np.int64], Rows]:
         """Return the next samples as faults have them: frozen ones repeated, silent ones gone."""
         numbers = np.arange(self.samples + 1, self.samples + count + 1)
         self.samples += count

@@ -25,7 +25,6 @@ from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.generic.converter import Converter, Function
 from sim_instruments.instrument import Setting
 from sim_instruments.keithley.multimeter_dmm6500_loop import SimpleLoop
-from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import (
     ErrorQueue,
@@ -112,9 +111,7 @@ class KeithleyDmm6500(ScpiDevice):
         super().__init__(f"KEITHLEY INSTRUMENTS,MODEL DMM6500,{setting.serial},1.7.12b")
         self._clock, self._lock = setting.clock, setting.world.lock
         self.errors = EventLog(self.error_queue_depth, self._clock.now)
-        self._language = setting.truth.text("command_set", "SCPI")
-        if self._language not in LANGUAGES:
-            raise SimulationError(f"command_set: one of {', '.join(LANGUAGES)} was expected")
+        self._language = setting.truth.word("command_set", LANGUAGES, "SCPI")
         self._converter = Converter(setting)
         self._loop = SimpleLoop()
         self._functions = functions()

@@ -26,7 +26,6 @@ from sim_instruments.faults.lasting import (
 from sim_instruments.instrument import Setting
 from sim_instruments.kepco.output import KINDS, Output, extremes, limit_commands, scientific
 from sim_instruments.kepco.output_list import ListMemory, list_commands
-from sim_instruments.truth import SimulationError
 from sim_instruments.wire.scpi import (
     ScpiError,
     boolean,
@@ -82,11 +81,7 @@ class KepcoBop(ScpiDevice):
 
     def __init__(self, setting: Setting) -> None:
         truth = setting.truth
-        form = truth.text("identity", next(iter(self.identities)))
-        if form not in self.identities:
-            raise SimulationError(
-                f"{truth.where}.identity: one of {', '.join(self.identities)} was expected"
-            )
+        form = truth.word("identity", self.identities, next(iter(self.identities)))
         super().__init__(self.identities[form].format(serial=setting.serial))
         self._clock, self._rng = setting.clock, setting.rng
         self.busy_s = truth.quantity("command_time", "s", 0.0)

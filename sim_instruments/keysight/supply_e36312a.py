@@ -17,7 +17,6 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 from sim_instruments.faults.lasting import DeviceShorted
 from sim_instruments.instrument import Setting
-from sim_instruments.truth import SimulationError
 from sim_instruments.wire.scpi import ScpiError, boolean, numeric
 from sim_instruments.wire.scpi_device import Listed, ScpiDevice
 
@@ -71,9 +70,7 @@ class KeysightE36312A(ScpiDevice):
         truth = setting.truth
         self._clock, self._faults = setting.clock, setting.faults
         self._world = setting.world.find(PoweredWorld)
-        feeds = truth.text("feeds")
-        if feeds not in ("1", "2", "3", "nothing"):
-            raise SimulationError(f"{truth.where}.feeds: write an output, 1 to 3, or nothing")
+        feeds = truth.word("feeds", ("1", "2", "3", "nothing"))
         self._feeds = int(feeds) if feeds != "nothing" else 0
         self._device_ohm = truth.positive("resistance", "ohm")
         self._gain = 1.0 + truth.quantity("readback_gain_error", "1")

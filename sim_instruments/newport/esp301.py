@@ -8,8 +8,13 @@ and WT hold the rest of the line and what comes after it. ST refuses no axis tha
 What no source at hand says, and is assumed: what comes when ten errors are kept is lost; a target
 beyond a software limit is refused with x06 or x07 and nothing moves; a changed velocity or
 acceleration holds from the next movement on; the maximum velocity can be lowered by VU, and VA
-follows it; a line that is too long is refused whole with 7; WT is taken with an axis and without.
-Left out: WP, groups, stored programs, units other than degrees.
+follows it; a line that is too long is refused whole with 7; WT is taken with an axis and without;
+what a URS100BPP holds in ZB, ZH and QS, and what PH answers while nothing is wrong.
+
+Set up, and changing no movement here: `ZB` feedback and `ZH` limit switches in hexadecimal digits,
+of which the answer ends with H, `SU` resolution of the encoder, `FR` of a full step, `QS` 1 to 250
+microsteps, `PH` state of the inputs, `SM` save, `LC` keys of the panel. Left out: WP, groups,
+stored programs, units other than degrees.
 """
 
 from __future__ import annotations
@@ -18,12 +23,12 @@ import math
 import re
 from collections.abc import Callable
 from functools import partial
+from math import inf
 from typing import ClassVar
 
 from sim_instruments.faults.lasting import EmergencyStop, EncoderJump, FollowingError, Stuck
 from sim_instruments.instrument import Setting
 from sim_instruments.newport.esp301_axis import AXIS, Axis, EspError, text_of
-from sim_instruments.newport.esp301_set_up import SetUp
 from sim_instruments.newport.esp301_waiting import Waiting
 from sim_instruments.wire.held_lines import HeldLineServer
 from sim_instruments.wire.requests import LineInstrument, LineServer
@@ -36,20 +41,12 @@ AXES = 3
 DEGREES = 7
 COMMAND = re.compile(r"(\d*)\s*([A-Z]{2})\s*(.*)", re.DOTALL)
 WAITS = re.compile(rb"\s*\d*\s*W[ST].*", re.IGNORECASE | re.DOTALL)
-HELD = {
-    "VA": "rate",
-    "VU": "largest_rate",
-    "AC": "acceleration",
-    "AG": "deceleration",
-    "AU": "largest_acceleration",
-    "SL": "low_deg",
-    "SR": "high_deg",
-    "OH": "home_rate",
-    "OL": "home_slow_rate",
-    "SH": "home_deg",
-}
-"""What each query of a setting shows of the axis."""
+OUT_OF_RANGE = 100 * AXIS + 1
+LARGEST_WORD = 0xFFFF
+MICROSTEPS = range(1, 251)
 Act = Callable[[str], str | None]
+Row = tuple[Act, Callable[[], str] | None]
+"""What a command does with its parameter, and what is answered where that is `?`."""
 
 
 class NewportEsp301(LineInstrument):
@@ -76,9 +73,11 @@ class NewportEsp301(LineInstrument):
         rotation = setting.world.find(RotationHistory) or RotationHistory()
         self._axis = Axis(setting.truth, rotation, setting.faults, setting.rng, setting.clock.now)
         self._waiting = Waiting(self._axis)
-        self._set_up = SetUp(self._axis.step_deg, number)
-        self._general = self._general_commands()
-        self._of_axis = self._axis_commands()
+        # Of stage and front panel, which changes no movement here.
+        self._feedback = self._switches = 0
+        self._microsteps, self._step_deg = 100, self._axis.step_deg
+        self._full_step_deg = self._step_deg * self._microsteps
+        self._general, self._of_axis = expanded(self._of_controller()), expanded(self._of_an_axis())
         self.begin_to_serve(setting)
 
     def energised(self) -> bool:
@@ -138,72 +137,66 @@ class NewportEsp301(LineInstrument):
             raise EspError(100 * int(axis) + 8)
         return self._of_axis[key](parameter)
 
-    def _general_commands(self) -> dict[str, Act]:
+    def _of_controller(self) -> dict[str, Row]:
+        """Return the commands without an axis."""
         return {
-            **asked({"VE": lambda _: VERSION, "TE": self._take_code, "TB": self._take_text}),
-            "ST": done(self._axis.stop),
-            "AB": done(self._axis.switch_off),
-            "WT": self._wait,
-            **self._set_up.of_controller(),
+            "VE": asked(lambda: VERSION),
+            "TE": asked(lambda: self._next_error()[0]),
+            "TB": asked(lambda: ", ".join(self._next_error())),
+            "ST": (done(self._axis.stop), None),
+            "AB": (done(self._axis.switch_off), None),
+            "WT": (self._wait, None),
+            "PH": (lambda _: "0H, 0H", None),
+            **dict.fromkeys(("SM", "LC"), (lambda _: None, None)),
         }
 
-    def _axis_commands(self) -> dict[str, Act]:
+    def _of_an_axis(self) -> dict[str, Row]:
+        """Return the commands of the axis."""
         axis = self._axis
         return {
-            **asked(
-                {
-                    "ID": lambda _: f"{STAGE}, SN{self._serial}",
-                    "TP": lambda _: decimal(axis.position_deg()),
-                    "TV": lambda _: decimal(axis.velocity_deg_per_s()),
-                    "DP": lambda _: decimal(axis.desired_deg()),
-                    "MD": lambda _: str(int(axis.is_done())),
-                }
-            ),
-            **{f"{name}?": partial(self._shown, held) for name, held in HELD.items()},
-            "MO": done(axis.switch_on),
-            "MF": done(axis.switch_off),
-            "MO?": lambda _: str(int(axis.motor_on)),
-            "MF?": lambda _: str(int(axis.motor_on)),
-            "PA": lambda text: axis.move_to(number(text)),
-            "PR": lambda text: axis.move_by(number(text)),
-            "WS": lambda text: self._waiting.for_stop(milliseconds(text or "0")),
-            "WT": self._wait,
-            "ST": done(axis.stop),
-            "OR": self._search_home,
-            "DH": lambda text: axis.define_home(number(text or "0")),
-            "SN": self._set_unit,
-            "SN?": lambda _: str(DEGREES),
-            "VA": lambda text: setattr(axis, "rate", self._rate(text)),
-            "VU": self._set_largest_rate,
-            "AC": self._set_acceleration,
-            "AG": lambda text: setattr(axis, "deceleration", self._acceleration(text)),
-            "AU": self._set_largest_acceleration,
-            "SL": self._set_low,
-            "SR": self._set_high,
-            "OH": lambda text: setattr(axis, "home_rate", self._rate(text)),
-            "OL": lambda text: setattr(axis, "home_slow_rate", self._rate(text)),
-            "SH": lambda text: setattr(axis, "home_deg", number(text)),
-            **self._set_up.of_axis(),
+            "ID": asked(lambda: f"{STAGE}, SN{self._serial}"),
+            "TP": asked(lambda: decimal(axis.position_deg())),
+            "TV": asked(lambda: decimal(axis.velocity_deg_per_s())),
+            "DP": asked(lambda: decimal(axis.desired_deg())),
+            "MD": asked(lambda: str(int(axis.is_done()))),
+            "MO": (done(axis.switch_on), lambda: str(int(axis.motor_on))),
+            "MF": (done(axis.switch_off), lambda: str(int(axis.motor_on))),
+            "PA": (lambda text: axis.move_to(number(text)), None),
+            "PR": (lambda text: axis.move_by(number(text)), None),
+            "WS": (lambda text: self._waiting.for_stop(milliseconds(text or "0")), None),
+            "WT": (self._wait, None),
+            "ST": (done(axis.stop), None),
+            "OR": (self._search_home, None),
+            "DH": (lambda text: axis.define_home(number(text or "0")), None),
+            "SN": (self._set_unit, lambda: str(DEGREES)),
+            "VA": held(axis, "rate", self._rate),
+            "VU": held(axis, "largest_rate", self._largest_rate),
+            "AC": (self._set_acceleration, lambda: decimal(axis.acceleration)),
+            "AG": held(axis, "deceleration", self._acceleration),
+            "AU": held(axis, "largest_acceleration", self._largest_acceleration),
+            "SL": held(axis, "low_deg", lambda text: allowed(number(text), -inf, axis.high_deg)),
+            "SR": held(axis, "high_deg", lambda text: allowed(number(text), axis.low_deg, inf)),
+            "OH": held(axis, "home_rate", self._rate),
+            "OL": held(axis, "home_slow_rate", self._rate),
+            "SH": held(axis, "home_deg", number),
+            "ZB": held(self, "_feedback", word, "{:X}H"),
+            "ZH": held(self, "_switches", word, "{:X}H"),
+            "SU": held(self, "_step_deg", resolution, "{:.9f}"),
+            "FR": held(self, "_full_step_deg", resolution, "{:.9f}"),
+            "QS": held(self, "_microsteps", microsteps, "{}"),
         }
 
     def _wait(self, text: str) -> None:
         self._waiting.for_time(self._clock.now(), milliseconds(text))
 
-    def _shown(self, held: str, parameter: str) -> str:
-        return decimal(getattr(self._axis, held))
-
-    def _take_code(self, parameter: str) -> str:
-        code, _ = self._axis.errors.pop(self._clock.now())
-        return str(code)
-
-    def _take_text(self, parameter: str) -> str:
+    def _next_error(self) -> tuple[str, str, str]:
         code, tick = self._axis.errors.pop(self._clock.now())
-        return f"{code}, {tick}, {text_of(code)}"
+        return str(code), str(tick), text_of(code)
 
     def _search_home(self, parameter: str) -> None:
         mode = number(parameter or "2")
         if mode not in range(7):
-            raise EspError(100 * AXIS + 1)
+            raise EspError(OUT_OF_RANGE)
         if mode == 0:
             self._axis.move_to(0.0)
         else:
@@ -211,55 +204,36 @@ class NewportEsp301(LineInstrument):
 
     def _set_unit(self, parameter: str) -> None:
         if number(parameter) != DEGREES:
-            raise EspError(100 * AXIS + 1)
+            raise EspError(OUT_OF_RANGE)
 
     def _rate(self, text: str) -> float:
         """Return a rate that the axis may have."""
-        value = positive(text)
-        if value > self._axis.largest_rate * (1 + 1e-9):
-            raise EspError(100 * AXIS + 10)
-        return value
+        return no_more(positive(text), self._axis.largest_rate, 100 * AXIS + 10)
 
     def _acceleration(self, text: str) -> float:
         """Return an acceleration that the axis may have."""
-        value = positive(text)
-        if value > self._axis.largest_acceleration * (1 + 1e-9):
-            raise EspError(100 * AXIS + 11)
-        return value
-
-    def _set_largest_rate(self, text: str) -> None:
-        axis, value = self._axis, positive(text)
-        self._not_protected(value, axis.stage_rate)
-        axis.largest_rate = value
-        axis.rate = min(axis.rate, value)
+        return no_more(positive(text), self._axis.largest_acceleration, 100 * AXIS + 11)
 
     def _set_acceleration(self, text: str) -> None:
         self._axis.acceleration = self._axis.deceleration = self._acceleration(text)
 
-    def _set_largest_acceleration(self, text: str) -> None:
-        axis, value = self._axis, positive(text)
-        self._not_protected(value, axis.stage_acceleration)
-        axis.largest_acceleration = value
+    def _largest_rate(self, text: str) -> float:
+        axis = self._axis
+        value = self._not_protected(positive(text), axis.stage_rate)
+        axis.rate = min(axis.rate, value)
+        return value
+
+    def _largest_acceleration(self, text: str) -> float:
+        axis = self._axis
+        value = self._not_protected(positive(text), axis.stage_acceleration)
         axis.acceleration = min(axis.acceleration, value)
         axis.deceleration = min(axis.deceleration, value)
+        return value
 
-    def _not_protected(self, value: float, largest: float) -> None:
+    def _not_protected(self, value: float, largest: float) -> float:
         if self._axis.protected:
             raise EspError(100 * AXIS + 17)
-        if value > largest * (1 + 1e-9):
-            raise EspError(100 * AXIS + 1)
-
-    def _set_low(self, text: str) -> None:
-        value = number(text)
-        if value >= self._axis.high_deg:
-            raise EspError(100 * AXIS + 1)
-        self._axis.low_deg = value
-
-    def _set_high(self, text: str) -> None:
-        value = number(text)
-        if value <= self._axis.low_deg:
-            raise EspError(100 * AXIS + 1)
-        self._axis.high_deg = value
+        return no_more(value, largest, OUT_OF_RANGE)
 
 
 def parts(line: bytes) -> list[bytes]:
@@ -274,18 +248,28 @@ def parts(line: bytes) -> list[bytes]:
     return [b";".join(commands) for commands in cut if commands]
 
 
-def asked(queries: dict[str, Act]) -> dict[str, Act]:
-    """Return queries that are the same with a question mark and without."""
-    return {**queries, **{f"{name}?": act for name, act in queries.items()}}
+def expanded(rows: dict[str, Row]) -> dict[str, Act]:
+    """Return what each command does, and each query of its name with a question mark."""
+    queries = {f"{name}?": done(give) for name, (_, give) in rows.items() if give is not None}
+    return {name: act for name, (act, _) in rows.items()} | queries
 
 
-def done(act: Callable[[], None]) -> Act:
-    """Return a command that takes no parameter and answers nothing."""
+def asked(give: Callable[[], str]) -> Row:
+    """Return a query that is the same with a question mark and without."""
+    return done(give), give
 
-    def command(parameter: str) -> None:
-        act()
 
-    return command
+def done(act: Callable[[], str | None]) -> Act:
+    """Return a command that takes no parameter."""
+    return lambda _: act()
+
+
+def held(owner: object, name: str, read: Callable[[str], float], form: str = "{:.6f}") -> Row:
+    """Return a setting that is an attribute of its owner."""
+    return (
+        lambda text: setattr(owner, name, read(text)),
+        lambda: form.format(getattr(owner, name)),
+    )
 
 
 def number(text: str) -> float:
@@ -305,15 +289,55 @@ def milliseconds(text: str) -> float:
     """Return a time in s of a parameter in ms; EspError x01 below zero."""
     value = number(text)
     if value < 0:
-        raise EspError(100 * AXIS + 1)
+        raise EspError(OUT_OF_RANGE)
     return value / 1000
 
 
 def positive(text: str) -> float:
     """Return a parameter above zero; EspError x01 otherwise."""
+    return allowed(number(text), 0.0, inf)
+
+
+def allowed(value: float, above: float, below: float) -> float:
+    """Return a value between two others; EspError x01 otherwise."""
+    if not above < value < below:
+        raise EspError(OUT_OF_RANGE)
+    return value
+
+
+def no_more(value: float, largest: float, code: int) -> float:
+    """Return a value; EspError with a code where it is above the largest."""
+    if value > largest * (1 + 1e-9):
+        raise EspError(code)
+    return value
+
+
+def microsteps(text: str) -> int:
+    """Return microsteps of a full step."""
     value = number(text)
-    if value <= 0:
-        raise EspError(100 * AXIS + 1)
+    if value not in MICROSTEPS:
+        raise EspError(OUT_OF_RANGE)
+    return int(value)
+
+
+def resolution(text: str) -> float:
+    """Return a resolution."""
+    value = number(text)
+    if not 2e-9 <= value <= 2e9:
+        raise EspError(OUT_OF_RANGE)
+    return value
+
+
+def word(text: str) -> int:
+    """Return a word of 16 bits from hexadecimal digits; EspError 38, 7 or x01 otherwise."""
+    if not text:
+        raise EspError(38)
+    try:
+        value = int(text.removesuffix("H"), 16)
+    except ValueError:
+        raise EspError(7) from None
+    if not 0 <= value <= LARGEST_WORD:
+        raise EspError(OUT_OF_RANGE)
     return value
 
 

@@ -80,9 +80,7 @@ class RedPitaya(ScpiDevice):
         self._clock, self._lock = setting.clock, setting.world.lock
         self._faults, self._rng = setting.faults, setting.rng
         self._version = version_of(truth.text("os_version"), f"{truth.where}.os_version")
-        self._jumper = truth.text("jumper")
-        if self._jumper not in FULL_SCALE_V:
-            raise SimulationError(f"{truth.where}.jumper: LV or HV was expected")
+        self._jumper = truth.word("jumper", FULL_SCALE_V)
         self._noise_V = truth.quantity("noise", "V")
         self._gain = 1.0 + truth.quantity("gain_error", "1")
         self._offset_V = truth.quantity("offset", "V")

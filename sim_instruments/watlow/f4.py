@@ -21,7 +21,7 @@ from datetime import datetime, timedelta
 from functools import partial
 
 from sim_instruments.instrument import Setting
-from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.truth import SimulationError
 from sim_instruments.watlow.plant import Plant, WatlowController
 from sim_instruments.wire.modbus import (
     ILLEGAL_VALUE,
@@ -73,13 +73,13 @@ class WatlowF4(WatlowController):
         self._high = round(truth.quantity("set_point_high", "degC") * PER_K)
         self._chamber_event = truth.integer("chamber_event", 0)
         self._door_input = truth.integer("door_input", 0, 0)
-        self._wired = LEVELS.index(one_of(truth, "door_active", LEVELS, "high"))
+        self._wired = LEVELS.index(truth.word("door_active", LEVELS, "high"))
         self._active = dict.fromkeys(range(1, len(INPUTS) + 1), self._wired)
         self._events = dict.fromkeys(range(1, EVENTS + 1), 0)
         self._set_point = self._low - 1
         self._registers = Registers()
         self._add_registers(int(setting.serial))
-        if one_of(truth, "map", MAPS, "chamber") == "chamber":
+        if truth.word("map", MAPS, "chamber") == "chamber":
             self._add_chamber(setting.clock)
         else:
             self._add_f4p(MANUAL if truth.switch("manual") else AUTOMATIC)
@@ -183,14 +183,6 @@ class WatlowF4(WatlowController):
 def time_of(clock: Clock, field: str) -> Words:
     """Return one field of the date and time that a controller's clock shows."""
     return (getattr(BEGAN + timedelta(seconds=clock.now()), field),)
-
-
-def one_of(truth: Truth, key: str, names: tuple[str, ...], default: str) -> str:
-    """Return one of several names; SimulationError for another."""
-    name = truth.text(key, default)
-    if name not in names:
-        raise SimulationError(f"{truth.where}.{key}: write {' or '.join(names)}")
-    return name
 
 
 def signed(value: float) -> Words:

@@ -67,10 +67,7 @@ class WatlowF4T(WatlowController):
         if not setting.serial.isdecimal():
             raise SimulationError(f"{truth.where}: the serial number of an F4T is a number")
         self._serial = int(setting.serial)
-        order = truth.text("word_order")
-        if order not in WORD_ORDERS:
-            raise SimulationError(f"{truth.where}.word_order: write {' or '.join(WORD_ORDERS)}")
-        self._low_first = order == WORD_ORDERS[0]
+        self._low_first = truth.word("word_order", WORD_ORDERS) == WORD_ORDERS[0]
         self._low_degC = truth.quantity("set_point_low", "degC")
         self._high_degC = truth.quantity("set_point_high", "degC")
         self._plant = Plant(setting)

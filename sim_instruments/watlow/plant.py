@@ -17,7 +17,7 @@ from sim_instruments.faults.lasting import (
     LastingFault,
 )
 from sim_instruments.instrument import ServedInstrument, Setting
-from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.truth import Truth
 from sim_instruments.wire.modbus import Registers
 from sim_instruments.world.chamber import Chamber
 
@@ -59,9 +59,7 @@ class Plant:
     def __init__(self, setting: Setting) -> None:
         truth, faults = setting.truth, setting.faults
         self._clock, self._faults, self._rng = setting.clock, faults, setting.rng
-        steers = truth.text("steers")
-        if steers not in (CHAMBER, NOTHING):
-            raise SimulationError(f"{truth.where}.steers: write {CHAMBER} or {NOTHING}")
+        steers = truth.word("steers", (CHAMBER, NOTHING))
         self._error_K = truth.quantity("sensor_error", "K")
         self._noise_K = truth.quantity("noise", "K")
         world = setting.world.find(Chamber) if steers == CHAMBER else None
