@@ -57,7 +57,8 @@ PARTS: tuple[Part, ...] = tuple(
     )
 )
 """In the order in which they are walked."""
-
+WATCHED = tuple(name for part in PARTS for name in part.drift)
+"""Figures that may drift, which a check holds against those of the commissioning."""
 
 CHECKS, WATCH = "parameters.checks", ("parameters", "watch")
 
@@ -99,31 +100,32 @@ def measured_axes(parameters: CommissioningParameters) -> dict[str, tuple[str, .
     """Return no axes for the results of parts that a plan leaves out, and what it watches."""
     left_out = (part for part in PARTS if part.name not in parameters.checks)
     walks = list(chosen(parameters))
-    walked = [part for part, _ in walks if parameters.watch]
     return {
         **{name: () for part in left_out for name in part.results},
         **{name: axes for part, own in walks for name, axes in part.measured_axes(own).items()},
-        DRIFT: drift_axes(walked),
+        DRIFT: drift_axes([part for part, _ in walks], parameters.watch),
     }
 
 
 def fits(bench: Bench, short: bool, stated: Mapping[str, str]) -> Iterator[str]:
     """Yield what fits the shipped plan to a bench: its parts, the limits of these, their needs.
 
-    Its short form has the parts whose figures the bench file holds, and a limit for their drift.
-    Parts that are `stated` in the place of these have theirs.
+    Its short form has the parts whose figures the bench file holds, a limit for their drift, and
+    none for a figure that would be watched and was not measured before. Parts that are `stated` in
+    the place of these have theirs.
     """
     possible = wanted = [part for part in PARTS if part.is_possible(bench)]
+    watched = WATCHED
+    if bench.commissioned is not None:
+        known = {figure.name for figure in bench.commissioned.figures}
+        watched = tuple(name for name in WATCHED if name in known)
     if CHECKS in stated:
         wanted = [part for part in PARTS if part.name in re.findall(r"\w+", stated[CHECKS])]
     elif short:
-        known = (
-            {figure.name for figure in bench.commissioned.figures} if bench.commissioned else None
-        )
-        watched = [part for part in possible if part.drift]
-        wanted = [part for part in watched if known is None or known & set(part.drift)]
+        wanted = [part for part in possible if {*watched} & {*part.drift}]
     if short:
-        yield from ("parameters.watch=true", f"limits.{DRIFT}.max_abs=1")
+        names = [name for part in wanted for name in part.drift if name in watched]
+        yield from (f"{'.'.join(WATCH)}=[{', '.join(names)}]", f"limits.{DRIFT}.max_abs=1")
     if not wanted and CHECKS not in stated:
         raise InputError(
             f"{bench.path}: nothing of this bench can be commissioned; a part needs, for one, "
@@ -138,7 +140,9 @@ def fits(bench: Bench, short: bool, stated: Mapping[str, str]) -> Iterator[str]:
             yield from (f"limits.{name}=null" for name in part.results)
         elif part in possible:
             yield from part.fits(bench)
-            yield from part.short if short else ()
+            if short:
+                yield from part.short
+                yield from (f"limits.{name}=null" for name in part.drift if name not in watched)
 
 
 def steps() -> Iterator[Step]:
@@ -164,7 +168,7 @@ PROCEDURE = Procedure(
     results={
         **{name: kind for part in PARTS for name, kind in part.results.items()},
         CAUSES: ResultKind((), "1"),
-        DRIFT: ResultKind(drift_axes(PARTS), "1"),
+        DRIFT: ResultKind(drift_axes(PARTS, WATCHED), "1"),
     },
     steps=tuple(steps()),
     records=records,

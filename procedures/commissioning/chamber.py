@@ -31,14 +31,18 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-OVERSHOOT = Figure("chamber_overshoot", "K", limit=1.0)
+OVERSHOOT = Figure("chamber_overshoot", "K", limit=1.0, drift=0.5)
 """A fifth of the step: more delays each soak, and a small device is warmer than the plan allows."""
-LAG = Figure("chamber_lag", "s")
-STEADY_ERROR = Figure("chamber_steady_error", "K", limit=0.5)
+LAG = Figure("chamber_lag", "s", drift=120.0)
+"""A fan that slows or a filter that clogs takes minutes, another load in the chamber, too."""
+STEADY_ERROR = Figure("chamber_steady_error", "K", limit=0.5, drift=0.3)
 """What a chamber's own sensor is usually stated to, against its controller's set-point."""
-GAIN = Figure("thermometer_gain", axes=AXES, limit=0.2, nominal=1.0)
+GAIN = Figure("thermometer_gain", axes=AXES, limit=0.2, nominal=1.0, drift=0.1)
 """A thermometer in the device shows the whole step in the end; the fit leaves a few percent."""
-THERMOMETER_LAG = Figure("thermometer_lag", axes=AXES, limit=0.67, nominal=1.0)
+ABOVE_AIR = Figure("thermometer_above_air", "K", AXES, drift=0.5)
+"""In the end, of the device's own warmth: it changes with the chamber's sensor, which the chamber
+itself cannot show, or with that thermometer."""
+THERMOMETER_LAG = Figure("thermometer_lag", axes=AXES, limit=0.67, nominal=1.0, drift=0.3)
 """Over the middle one of all: one that lags a third of it stands in the air."""
 FOLLOWS = 0.5
 """Of the step: a thermometer that shows less does not stand in the chamber."""
@@ -144,10 +148,13 @@ class ChamberDataset:
 
 @dataclass(frozen=True)
 class Following:
-    """Share of the air's change that a thermometer shows, its uncertainty, and its lag in s."""
+    """Share of the air's change that a thermometer shows, what it is above the air in the end, in
+    K, the uncertainty of both, and its lag in s."""
 
     gain: float
     gain_u: float
+    above_K: float
+    above_u_K: float
     lag_s: float
     freedom: float
 
@@ -206,8 +213,10 @@ def analyse(data: ChamberDataset, inputs: Sequence[InputQuantity] = ()) -> Analy
     ]
     for axis, of in zip(AXES, followed, strict=True):
         method = "least squares of a first-order lag"
-        gain = GAIN.measured(of.gain, of.gain_u, method, axis, of.freedom, lag_s=of.lag_s)
-        estimates.append(gain)
+        estimates += [
+            GAIN.measured(of.gain, of.gain_u, method, axis, of.freedom, lag_s=of.lag_s),
+            ABOVE_AIR.measured(of.above_K, of.above_u_K, method, axis, of.freedom),
+        ]
     for axis, of in zip(AXES, followed, strict=True):
         share, u = of.lag_s / middle_s, 0.05
         estimates.append(THERMOMETER_LAG.measured(share, u, METHOD, axis, of.freedom))
@@ -234,11 +243,21 @@ def follow(data: ChamberDataset, read_degC: Array, lag_s: float | None = None) -
             np.sum((read_degC - columns(tau_s) @ shares) ** 2)
         )
 
+    end_degC = data.from_degC + data.step_K
+    # Of the shares: the reading with the air at the step's end for long, the warming up past.
+    at_end = np.array([1.0, 0.0, end_degC - data.air_degC[0]])
+
+    def following(shares: Array, covariance: Array, tau_s: float, freedom: float) -> Following:
+        above_u_K = float(np.sqrt(at_end @ covariance @ at_end))
+        gain_u = float(np.sqrt(covariance[2, 2]))
+        above_K = float(at_end @ shares) - end_degC
+        return Following(float(shares[2]), gain_u, above_K, above_u_K, tau_s, freedom)
+
     if lag_s is not None:
         shares, squares = linear(lag_s)
-        known = columns(lag_s)
-        spread = np.linalg.inv(known.T @ known) * squares / (len(known) - 3.0)
-        return Following(float(shares[2]), float(np.sqrt(spread[2, 2])), lag_s, len(known) - 3.0)
+        known, freedom = columns(lag_s), read_degC.size - 3.0
+        spread = np.asarray(np.linalg.inv(known.T @ known) * (squares / freedom), dtype=np.float64)
+        return following(shares, spread, lag_s, freedom)
     tried = np.geomspace(SHORTEST_S, MAX_S, TRIED)
     tau_s = float(min(tried, key=lambda lag_s: linear(float(lag_s))[1]))
     start = np.array([math.log(tau_s), *linear(tau_s)[0]])
@@ -252,9 +271,7 @@ def follow(data: ChamberDataset, read_degC: Array, lag_s: float | None = None) -
     freedom = float(read_degC.size - start.size)
     variance = 2.0 * best.cost / freedom
     covariance = variance * np.linalg.pinv(best.jac.T @ best.jac)
-    return Following(
-        float(best.x[3]), float(np.sqrt(covariance[3, 3])), math.exp(best.x[0]), freedom
-    )
+    return following(best.x[1:], covariance[1:, 1:], math.exp(best.x[0]), freedom)
 
 
 def lag_of(time_s: Array, value: Array, tau_s: float) -> Array:
@@ -309,9 +326,10 @@ PART = Part(
     steps=(
         Step("T1", "Chamber: overshoot, lag, steady error, and which thermometer follows", step),
     ),
-    figures=(OVERSHOOT, LAG, STEADY_ERROR, GAIN, THERMOMETER_LAG),
+    figures=(OVERSHOOT, LAG, STEADY_ERROR, GAIN, ABOVE_AIR, THERMOMETER_LAG),
     needs=(CHAMBER, NAVIGATOR, POWER),
     units=lambda parameters: (UNIT,),
     dataset=dataset,
     analyse=analyse,
+    short=("parameters.chamber.before=15 min", "parameters.chamber.after=40 min"),
 )

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 CLOCK_PPM = 100.0
 """A quartz is within 50 ppm, a good computer's clock, too. In 10 min 100 ppm are 60 ms, a hundredth
 of the period of a drive of 0.17 Hz."""
-CLOCK = Figure("gaussmeter_clock_error", "ppm", limit=CLOCK_PPM, drift=50.0)
+CLOCK_DRIFT_PPM = 50.0
+CLOCK = Figure("gaussmeter_clock_error", "ppm", limit=CLOCK_PPM, drift=CLOCK_DRIFT_PPM)
 PPM = 1e6
 OF_SLOPE = 3.5
 """The line's two ends are each as sure as its offset, and stand about a half of the record apart;

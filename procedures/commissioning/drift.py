@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from station.findings import Estimate, Flag, undetermined
 from station.instruments.commissioned import Commissioned
@@ -14,12 +14,13 @@ from .part import Part
 METHOD = "difference from the commissioning over what is allowed"
 
 
-def drift_axes(parts: Sequence[Part]) -> tuple[str, ...]:
+def drift_axes(parts: Sequence[Part], watched: Collection[str]) -> tuple[str, ...]:
     """Return the figures that are watched, `coil_constant_ratio x`."""
     return tuple(
         figure_name(name, axis)
         for part in parts
         for name in part.drift
+        if name in watched
         for axis in part.results[name].axes or (None,)
     )
 
@@ -58,7 +59,8 @@ def drifts(
             commissioned.figure(estimate.name, estimate.axis),
         )
         if before is None or estimate.value is None:
-            yield undetermined(DRIFT, axis, "1", METHOD)
+            stated = {} if before is None else {"commissioned": before.value}
+            yield undetermined(DRIFT, axis, "1", METHOD, stated)
             continue
         u = math.hypot(estimate.standard_uncertainty or 0.0, before.standard_uncertainty)
         limit = allowed[estimate.name]
@@ -70,9 +72,15 @@ def drifts(
 
 
 def flags_of(drifted: Sequence[Estimate]) -> Iterator[Flag]:
-    """Yield what has drifted, and what the commissioning did not measure."""
+    """Yield what has drifted, and what the commissioning, or this check, did not measure."""
     for drift in drifted:
-        if drift.value is None:
+        if drift.value is None and drift.extra:
+            message = (
+                f"{drift.axis} was {drift.extra['commissioned']:.5g} at the commissioning, and "
+                "this check did not measure it: state in the plan what stood in that one's."
+            )
+            yield Flag("drift-undecided", message, drift.axis)
+        elif drift.value is None:
             message = f"{drift.axis}: the commissioning of this bench has no such figure."
             yield Flag("not-commissioned", message, drift.axis)
         elif abs(drift.value) > 1.0:

@@ -67,8 +67,9 @@ def findings_of_run(
         for change in part.completes(findings, bench)
         if change.where in written.scalars
     )
-    allowed = {name: limit for part, _ in parts for name, limit in part.drift.items()}
     if parameters.watch and bench.commissioned is not None:
+        limits = {name: limit for part, _ in parts for name, limit in part.drift.items()}
+        allowed = {name: limits[name] for name in parameters.watch if name in limits}
         drifted = list(drifts(estimates, allowed, bench.commissioned))
         estimates += drifted
         flags += flags_of(drifted)

@@ -38,11 +38,11 @@ PartName = Literal[
 class CommissioningParameters(StrictModel):
     """What the engineer chooses. `checks` are the parts, walked in the order of the steps.
 
-    `watch` holds the figures against those of the bench's commissioning.
+    `watch` are the figures that are held against those of the bench's commissioning.
     """
 
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
-    watch: bool = False
+    watch: tuple[str, ...] = ()
     lines: LineParameters = LineParameters()
     contacts: ContactParameters = ContactParameters()
     supplies: SupplyParameters = SupplyParameters()

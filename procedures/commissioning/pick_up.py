@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
 PICK_UP_UV = 5.0
 """5 ug of an accelerometer of 1 V/g at 0.5 mT: what its noise leaves of a reading of a second."""
-PICK_UP = Figure("pick_up", "uV", COILS, limit=PICK_UP_UV)
+PICK_UP = Figure("pick_up", "uV", COILS, limit=PICK_UP_UV, drift=2.5)
+"""Half of the limit: leads that were moved, or whose twist has opened."""
 OF_ROOM = 0.5
 """Of a line with a coil driven: so much of it with all coils off is not the coil's."""
 UV_PER_V = 1e6
@@ -233,6 +234,7 @@ PART = Part(
     units=lambda parameters: map(unit_of, (OFF, *COILS)),
     dataset=dataset,
     analyse=analyse,
+    short=("parameters.pick_up.record=20 s", "parameters.pick_up.every=1 s"),
     # The few millionths of the voltmeter are nothing beside a limit on microvolts.
     records=lambda parameters, bench: (
         RecordUse(METER, "voltage", RANGE_V, "V", needed=False, corrected=False),
