@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from station import registry
 from station.fields import StrictModel, Unit
 from station.findings import Analysis, Estimate, Flag, InputQuantity
 from station.method.commands import FieldRange
@@ -16,7 +15,7 @@ from station.method.verbs import Recording
 from station.procedure import Step
 from station.roles import Gaussmeter
 
-from .coils import EARTH_FIELD_MT, GAUSSMETER
+from .coils import EARTH_FIELD_MT, GAUSSMETER, stamps
 from .part import COVERAGE, Figure, Part
 
 if TYPE_CHECKING:
@@ -104,14 +103,6 @@ def clock_flags(estimate: Estimate, instrument: str) -> Iterator[Flag]:
     elif u > CLOCK_PPM:
         message = f"The clock of {instrument} is known to {u:.0f} ppm only: record for longer."
         yield Flag("clock-undecided", message, instrument)
-
-
-def stamps(bench: Bench) -> bool:
-    """Return whether the gaussmeter of a bench stamps its readings."""
-    driver = bench.instruments[GAUSSMETER].driver
-    if registry.why_not(registry.DRIVERS, driver):
-        return False
-    return bool(registry.load(registry.DRIVERS, driver).keeps_readings)
 
 
 PART = Part(

@@ -52,6 +52,8 @@ RANGE_HEADROOM, EARTH_FIELD_MT = 1.5, 0.1
 RANGE_S, RAMP_S = 0.5, 1.0
 LOOK_S = 0.5
 """A gaussmeter that keeps no readings gives ten in a record of five seconds."""
+SLOW_RECORD_S = 20.0
+"""Of such a gaussmeter: forty readings of 1 uT of noise leave a tenth of the watched drift."""
 CURRENT_COLUMNS = {
     "current_A": "A, read back",
     "commanded_A": "A, set-point by the bench's coil constant",
@@ -496,18 +498,35 @@ def completions(findings: Findings, bench: Bench) -> Iterator[Completion]:
         )
 
 
-def axes_of_probe(bench: Bench) -> int:
-    """Return how many axes the gaussmeter of a bench measures; none where nobody knows."""
+def of_gaussmeter(bench: Bench, attribute: str) -> int:
+    """Return what the driver of a bench's gaussmeter states of it; 0 where nobody knows."""
     gaussmeter = bench.instruments.get(GAUSSMETER)
     if gaussmeter is None or registry.why_not(registry.DRIVERS, gaussmeter.driver):
         return 0
-    return int(registry.load(registry.DRIVERS, gaussmeter.driver).axes)
+    return int(getattr(registry.load(registry.DRIVERS, gaussmeter.driver), attribute))
+
+
+def axes_of_probe(bench: Bench) -> int:
+    """Return how many axes the gaussmeter of a bench measures; none where nobody knows."""
+    return of_gaussmeter(bench, "axes")
+
+
+def stamps(bench: Bench) -> bool:
+    """Return whether the gaussmeter of a bench keeps readings, each with its time."""
+    return bool(of_gaussmeter(bench, "keeps_readings"))
 
 
 def turned_probe(bench: Bench, part: str) -> Iterator[str]:
     """Yield that in a part a probe of one axis is turned."""
     if axes_of_probe(bench) == 1:
         yield f"parameters.{part}.turn_probe=true"
+
+
+def fits(bench: Bench) -> Iterator[str]:
+    """Yield that a probe of one axis is turned, and a record that decides a drift."""
+    yield from turned_probe(bench, "coils")
+    if not stamps(bench):
+        yield f"parameters.coils.record={SLOW_RECORD_S:g} s"
 
 
 def records(parameters: CoilParameters, bench: Bench) -> tuple[RecordUse, ...]:
@@ -542,8 +561,7 @@ PART = Part(
     analyse=analyse,
     records=records,
     check=check,
-    fits=lambda bench: turned_probe(bench, "coils"),
-    short=("parameters.coils.record=2 s",),
+    fits=fits,
     completes=completions,
     may_stand=frozenset({"coil-constant-off"}),
 )

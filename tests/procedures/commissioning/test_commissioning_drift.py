@@ -37,11 +37,16 @@ def results_of(folder: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def commissioned(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     """Return the simulated bench as a commissioning of all that may drift leaves it."""
-    place = tmp_path_factory.mktemp("commissioned")
+    parts = tuple(part.name for part in WHOLE)
+    return commission("sim", tmp_path_factory.mktemp("commissioned"), *parts)
+
+
+def commission(name: str, place: Path, *parts: str) -> Bench:
+    """Return a shipped bench as a commissioning of some parts leaves it."""
     bench = place / "bench.yaml"
-    bench.write_text(dump_yaml(shipped_bench()), encoding="utf-8")
-    parts = only(*(part.name for part in WHOLE))
-    code, folder = ran(bench, place / "runs", *parts, *BRIEF, *STATED, check=False)
+    bench.write_text(dump_yaml(shipped_bench(name)), encoding="utf-8")
+    brief = (*BRIEF, *STATED, *only(*parts))
+    code, folder = ran(bench, place / "runs", *brief, check=False)
     assert code == 0
     left: Bench = load_yaml((folder / "bench-commissioned.yaml").read_text(encoding="utf-8"))
     return left
@@ -79,6 +84,15 @@ def test_a_bench_that_has_not_drifted_passes_its_check(
     assert [flag["code"] for flag in document["flags"]] == ["simulated"]
     drifts = [one for one in document["results"] if one["name"] == "drift"]
     assert len(drifts) == len(commissioned["commissioned"]["figures"])
+
+
+@pytest.mark.campaign
+def test_a_gaussmeter_that_keeps_no_readings_decides_a_drift(tmp_path: Path) -> None:
+    bench = commission("sim-alternate", tmp_path, "coils", "motion", "gyro", "chamber")
+    (tmp_path / "check").mkdir()
+    path = written(bench, tmp_path / "check", 2)
+    code, _ = ran(path, tmp_path / "check" / "runs", *STATED, check=True)
+    assert code == 0
 
 
 def weight(bench: Bench) -> None:
