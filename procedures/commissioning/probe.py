@@ -1,14 +1,17 @@
 """P1: where the probe stands in the coils, and how even their field is, by moving the probe.
 
 Each coil is a Helmholtz pair: two equal loops about its axis, one radius apart up to a small error.
-Its field on its own axis, seen at several places about one, has the centre and the radius in it.
+The field that a coil makes along its own direction, seen at several places about one, has the
+centre and the radius in it, and which of the bench's axes that direction is: neither exchanged
+coils nor an exchanged probe hide the place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from itertools import permutations
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
@@ -188,10 +191,11 @@ def measure(run: Run, record: PlaceRecord) -> None:
 
 @dataclass(frozen=True)
 class ProbeDataset:
-    """Fields in mT of each coil on its own axis, (places, coils), with type A uncertainties.
+    """Fields in mT of each coil at the probe, (places, coils, axes), with type A uncertainties.
 
-    `shift_mm` (places, 3) from the place of the device, each with `placing_u_mm`; `device_mm` is
-    the edge of the cube that holds the device.
+    The axes are those of the probe, whatever they are to the bench. `shift_mm` (places, 3) from the
+    place of the device, each with `placing_u_mm`; `device_mm` is the edge of the cube that holds
+    the device.
     """
 
     shift_mm: Array
@@ -213,16 +217,16 @@ def dataset(folder: RunFolder, parameters: ProbeParameters, bench: Bench) -> Pro
     """Return half the difference of both senses; it is free of the ambient field and of zeros."""
     import numpy as np
 
-    fields: list[list[float]] = []
-    u: list[list[float]] = []
+    fields: list[list[Array]] = []
+    u: list[list[Array]] = []
     for place in PLACES:
         means = {
             (record.coil, record.sense): mean_of(field_of(folder, record.unit))
             for record in parameters.records_at(place)
         }
         both = [(means[coil, "plus"], means[coil, "minus"]) for coil in COILS]
-        fields.append([(a.field_mT[k] - b.field_mT[k]) / 2.0 for k, (a, b) in enumerate(both)])
-        u.append([float(np.hypot(a.u_mT[k], b.u_mT[k])) / 2.0 for k, (a, b) in enumerate(both)])
+        fields.append([(a.field_mT - b.field_mT) / 2.0 for a, b in both])
+        u.append([np.hypot(a.u_mT, b.u_mT) / 2.0 for a, b in both])
     return ProbeDataset(
         np.array([place.shift_mm for place in PLACES]),
         np.array(fields),
@@ -252,101 +256,129 @@ def pair_field(along: Array, across: Array, radius: Array | float, spacing: Arra
     return (loop(along - half, across) + loop(along + half, across)) / centre
 
 
-def shares_at(point_mm: Array, unknown: Array) -> Array:
-    """Return each coil's field over that at its centre, shape (..., 3), at points (..., 3)."""
+def shares_at(point_mm: Array, unknown: Array, normal: Array) -> Array:
+    """Return each coil's field over that at its centre, shape (..., 3), at points (..., 3).
+
+    `normal` (coils, 3) is the direction of each coil in the bench.
+    """
     import numpy as np
 
-    columns = []
-    for k in range(N):
-        across = np.hypot(*(point_mm[..., i] for i in range(N) if i != k))
-        columns.append(
-            pair_field(point_mm[..., k], across, unknown[RADIUS][k], unknown[SPACING][k])
-        )
-    return np.stack(columns, axis=-1)
+    along = point_mm @ normal.T
+    across = np.sqrt(np.maximum(np.sum(point_mm**2, axis=-1)[..., None] - along**2, 0.0))
+    return pair_field(along, across, unknown[RADIUS], unknown[SPACING])
 
 
 def analyse(data: ProbeDataset, inputs: Sequence[InputQuantity] = ()) -> ProbeFit:
-    """Return offset, field error and homogeneity, and the cause where the probe is off centre."""
-    import numpy as np
-    from scipy.optimize import least_squares
+    """Return offset, field error and homogeneity, and the cause where the probe is off centre.
 
-    weak = np.abs(data.field_mT[0]) < MIN_SHARE * data.commanded_mT
+    Which of the bench's axes each coil stands along is that which the fields at all places fit
+    best.
+    """
+    import numpy as np
+
+    mean_mT = data.field_mT.mean(axis=0)
+    strongest = np.abs(mean_mT).argmax(axis=1)
+    weak = np.linalg.norm(mean_mT, axis=1) < MIN_SHARE * data.commanded_mT
+    weak |= np.bincount(strongest, minlength=N)[strongest] > 1
     if weak.any():
         return undecided([axis for axis, is_weak in zip(COILS, weak, strict=True) if is_weak])
+    direction = mean_mT / np.linalg.norm(mean_mT, axis=1)[:, None]
+    field_mT = np.sum(data.field_mT * direction, axis=-1)
+    u_mT = np.sqrt(np.sum((data.field_u_mT * direction) ** 2, axis=-1))
+    sense = np.sign(direction[range(N), strongest])[:, None]
+    fits = []
+    for stands in permutations(range(N)):
+        normal = np.zeros((N, N))
+        normal[:, [stands[coil] for coil in np.argsort(strongest)]] = direction * sense
+        fits.append(PairsFit.of(data, field_mT, u_mT, normal))
+    return min(fits, key=lambda fit: fit.misfit).figures(data.device_mm)
 
-    def model(unknown: Array) -> Array:
-        return unknown[SCALE] * shares_at(data.shift_mm + unknown[CENTRE], unknown)
 
-    def fitted(sigma: Array, start: Array) -> tuple[Array, Array]:
-        def residuals(unknown: Array) -> Array:
-            prior = (unknown[SPACING] - 1.0) / SPACING_U
-            return np.concatenate((((data.field_mT - model(unknown)) / sigma).ravel(), prior))
+@dataclass(frozen=True)
+class PairsFit:
+    """Three pairs along `normal` fitted: the unknowns, their covariance, and chi-square."""
 
-        best = least_squares(residuals, start, x_scale=scale, bounds=bounds)
-        return best.x, np.linalg.pinv(best.jac.T @ best.jac)
+    unknown: Array
+    covariance: Array
+    misfit: float
+    normal: Array
+    freedom: float
+    steps: Array
 
-    at_device, reach = data.field_mT[0], float(np.abs(data.shift_mm).max())
-    begin = np.concatenate((np.zeros(N), at_device, np.full(N, 3.0 * reach), np.ones(N)))
-    scale = np.concatenate(
-        (np.full(N, 10.0), np.abs(at_device), np.full(N, reach), np.full(N, SPACING_U))
-    )
-    span = np.concatenate((np.full(N, 2.0 * reach), np.full(N, np.inf)))
-    lowest = np.concatenate((-span, np.full(N, 1.5 * reach), np.full(N, 0.9)))
-    highest = np.concatenate((span, np.full(N, 20.0 * reach), np.full(N, 1.1)))
-    bounds = (lowest, highest)
-    unknown, _ = fitted(data.field_u_mT, begin)
-    slope = gradient(unknown, data.shift_mm + unknown[CENTRE]) * np.abs(unknown[SCALE])
-    unknown, covariance = fitted(np.hypot(data.field_u_mT, slope * data.placing_u_mm), unknown)
-    freedom = float(data.field_mT.size - begin.size + N)
+    @classmethod
+    def of(cls, data: ProbeDataset, field_mT: Array, u_mT: Array, normal: Array) -> PairsFit:
+        """Fit the fields (places, coils) of pairs that stand along `normal`."""
+        import numpy as np
+        from scipy.optimize import least_squares
 
-    corners = np.stack(np.meshgrid(*N * [(-0.5, 0.0, 0.5)]), axis=-1).reshape(-1, N)
-    corners = corners * data.device_mm
+        reach = float(np.abs(data.shift_mm).max())
 
-    def figures(of: Array) -> Array:
-        here = shares_at(of[CENTRE], of) - 1.0
-        uneven = np.abs(shares_at(corners, of) - 1.0).max(axis=0)
-        return np.concatenate((of[CENTRE], here, uneven))
+        def shares(unknown: Array, off_mm: Array | float = 0.0) -> Array:
+            return shares_at(data.shift_mm + unknown[CENTRE] + off_mm, unknown, normal)
 
-    values = figures(unknown)
-    steps = 1e-3 * scale
-    jacobian = np.column_stack(
-        [
-            (figures(unknown + step) - figures(unknown - step)) / (2.0 * step.sum())
-            for step in np.diag(steps)
+        def fitted(sigma: Array, start: Array) -> Any:
+            def residuals(unknown: Array) -> Array:
+                prior = (unknown[SPACING] - 1.0) / SPACING_U
+                misses = (field_mT - unknown[SCALE] * shares(unknown)) / sigma
+                return np.concatenate((misses.ravel(), prior))
+
+            return least_squares(residuals, start, x_scale=scale, bounds=bounds)
+
+        begin = np.concatenate((np.zeros(N), field_mT[0], np.full(N, 3.0 * reach), np.ones(N)))
+        scale = np.concatenate(
+            (np.full(N, 10.0), field_mT[0], np.full(N, reach), np.full(N, SPACING_U))
+        )
+        span = np.concatenate((np.full(N, 2.0 * reach), np.full(N, np.inf)))
+        lowest = np.concatenate((-span, np.full(N, 1.5 * reach), np.full(N, 0.9)))
+        highest = np.concatenate((span, np.full(N, 20.0 * reach), np.full(N, 1.1)))
+        bounds = (lowest, highest)
+        first = fitted(u_mT, begin).x
+        slopes = [(shares(first, step) - shares(first, -step)) / 2.0 for step in np.eye(N)]
+        slope = np.sqrt(np.sum(np.square(slopes), axis=0)) * np.abs(first[SCALE])
+        best = fitted(np.hypot(u_mT, slope * data.placing_u_mm), first)
+        covariance = np.linalg.pinv(best.jac.T @ best.jac)
+        freedom = float(field_mT.size - begin.size + N)
+        return cls(best.x, covariance, float(best.cost), normal, freedom, 1e-3 * scale)
+
+    def figures(self, device_mm: float) -> ProbeFit:
+        """Return what the fit says of the place and of a device of this edge in the centre."""
+        import numpy as np
+
+        corners = np.stack(np.meshgrid(*N * [(-0.5, 0.0, 0.5)]), axis=-1).reshape(-1, N)
+        corners = corners * device_mm
+
+        def figures(of: Array) -> Array:
+            here = shares_at(of[CENTRE], of, self.normal) - 1.0
+            uneven = np.abs(shares_at(corners, of, self.normal) - 1.0).max(axis=0)
+            return np.concatenate((of[CENTRE], here, uneven))
+
+        values = figures(self.unknown)
+        jacobian = np.column_stack(
+            [
+                (figures(self.unknown + step) - figures(self.unknown - step)) / (2.0 * step.sum())
+                for step in np.diag(self.steps)
+            ]
+        )
+        u = np.sqrt(np.diag(jacobian @ self.covariance @ jacobian.T))
+        wanted = [(figure, axis) for figure in FIGURES for axis in COILS]
+        estimates = [
+            figure.measured(float(value), float(its_u), METHOD, axis, self.freedom)
+            for (figure, axis), value, its_u in zip(wanted, values, u, strict=True)
         ]
-    )
-    u = np.sqrt(np.diag(jacobian @ covariance @ jacobian.T))
-    wanted = [(figure, axis) for figure in FIGURES for axis in COILS]
-    estimates = [
-        figure.measured(float(value), float(its_u), METHOD, axis, freedom)
-        for (figure, axis), value, its_u in zip(wanted, values, u, strict=True)
-    ]
-    flags = off_centre(values[:N], values[N : 2 * N], u[N : 2 * N])
-    return ProbeFit(estimates, (), flags, unknown[RADIUS])
+        flags = off_centre(values[:N], values[N : 2 * N], u[N : 2 * N])
+        return ProbeFit(estimates, (), flags, self.unknown[RADIUS])
 
 
 def undecided(weak: list[str]) -> ProbeFit:
-    """Return the outcome where a coil makes too little of its field on its own axis."""
+    """Return the outcome where a coil does not show, or along the same axis as another one."""
     import numpy as np
 
     message = (
-        f"Too little field of coil {', '.join(weak)} on the probe's axis of that name: the place "
-        "of the probe is not decided. Mend first what the coils' part (C) names."
+        f"The probe does not show the field of coil {', '.join(weak)} along an axis of its own: "
+        "its place is not decided. Mend first what the coils' part (C) names."
     )
     flag = Flag("probe-place-undecided", message, details={"coils": weak})
     return ProbeFit(undetermined(FIGURES, METHOD), (), (flag,), np.full(N, np.nan))
-
-
-def gradient(unknown: Array, point_mm: Array) -> Array:
-    """Return the size of each share's gradient in 1/mm, shape (places, 3)."""
-    import numpy as np
-
-    steps = np.eye(N)
-    slopes = [
-        (shares_at(point_mm + step_mm, unknown) - shares_at(point_mm - step_mm, unknown)) / 2.0
-        for step_mm in steps
-    ]
-    return np.asarray(np.sqrt(np.sum(np.square(slopes), axis=0)))
 
 
 def off_centre(offset_mm: Array, error: Array, error_u: Array) -> tuple[Flag, ...]:

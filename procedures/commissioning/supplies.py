@@ -191,10 +191,10 @@ def cut(parameters: SupplyParameters, coil: str) -> CutOff:
 
 @dataclass(frozen=True)
 class SupplyRecord:
-    """One coil's supply: the current in A that flowed beyond a limit, fields in mT (n,) of a cut.
+    """One coil's supply: the current in A that flowed beyond a limit, the fields in mT of a cut.
 
     `current_u_A` is the standard uncertainty of the read-back near zero. `before_mT` and
-    `after_mT` lie along the coil.
+    `after_mT` (n, axes) are those on the axes of the probe, NaN on one that it does not have.
     """
 
     coil: str
@@ -223,17 +223,18 @@ def record_of(
         float(folder.rows(supply, limit_unit(coil))[FLOWS][0]),
         # What counts as no current is what a read-back may be off by: a rectangle of that.
         bench.instruments[supply].limits["zero_current"] / math.sqrt(3.0),
-        along_mT(folder, before_unit(coil), coil),
-        along_mT(folder, cut_unit(coil), coil),
+        shown_mT(folder, before_unit(coil)),
+        shown_mT(folder, cut_unit(coil)),
     )
 
 
-def along_mT(folder: RunFolder, unit: str, coil: str) -> NDArray[np.float64]:
-    """Return the valid readings of a record along a coil, shape (n,)."""
+def shown_mT(folder: RunFolder, unit: str) -> Array:
+    """Return the valid readings of a record on all axes of the probe, shape (n, 3)."""
     import numpy as np
 
     rows = folder.rows(GAUSSMETER, unit)
-    return np.asarray(rows[rows["state"] == 0][f"{coil}_T"] * MT_PER_T)
+    valid = rows[rows["state"] == 0]
+    return np.column_stack([valid[f"{axis}_T"] * MT_PER_T for axis in COILS])
 
 
 def analyse(data: Sequence[SupplyRecord], inputs: Sequence[InputQuantity] = ()) -> Analysis:
@@ -259,13 +260,17 @@ def _left(supply: SupplyRecord) -> Estimate:
     readings = min(len(supply.before_mT), len(supply.after_mT))
     if readings < 2:
         raise ValueError("a mean of the field needs two readings")
-    left_mT = float(supply.after_mT.mean() - supply.before_mT.mean())
-    u_mT = math.hypot(
-        *(float(np.std(x, ddof=1)) / math.sqrt(len(x)) for x in (supply.before_mT, supply.after_mT))
-    )
+    records = supply.before_mT, supply.after_mT
+    left_mT = supply.after_mT.mean(axis=0) - supply.before_mT.mean(axis=0)
+    # A probe whose axes are exchanged shows the coil's field on another one.
+    strongest, own = int(np.nanargmax(np.abs(left_mT))), COILS.index(supply.coil)
+    k = strongest if abs(left_mT[strongest]) > AFTER_CUT.limit else own
+    u_mT = math.hypot(*(float(np.std(x[:, k], ddof=1)) / math.sqrt(len(x)) for x in records))
     freedom = float(len(supply.before_mT) + len(supply.after_mT) - 2)
-    by = {GAIN: left_mT}
-    return AFTER_CUT.measured(left_mT, u_mT, "after less before", supply.coil, freedom, by)
+    by = {GAIN: float(left_mT[k])}
+    return AFTER_CUT.measured(
+        float(left_mT[k]), u_mT, "after less before", supply.coil, freedom, by
+    )
 
 
 def prove_themselves(bench: Bench) -> bool:

@@ -121,15 +121,24 @@ def constant_off(bench: Bench, rng: random.Random) -> Planted:
     return "coil-constant-off", axis
 
 
+def _wire_probe(bench: Bench, exchanged: dict[str, str]) -> None:
+    """Wire what the probe shows otherwise, beside what another plant did."""
+    wiring = bench["instruments"]["gaussmeter"]["simulator"].setdefault("wiring", {})
+    before = {axis: wiring.get(axis, axis) for axis in AXES}
+    for axis, shows in exchanged.items():
+        was = before[shows[-1]]
+        wiring[axis] = was if len(shows) == 1 else was[1:] if was[0] == "-" else f"-{was}"
+
+
 def swapped_probe(bench: Bench, rng: random.Random) -> Planted:
     one, other = rng.sample(AXES, 2)
-    bench["instruments"]["gaussmeter"]["simulator"]["wiring"] = {one: other, other: one}
+    _wire_probe(bench, {one: other, other: one})
     return "probe-axes-swapped", None
 
 
 def reversed_probe(bench: Bench, rng: random.Random) -> Planted:
     axis = rng.choice(AXES)
-    bench["instruments"]["gaussmeter"]["simulator"]["wiring"] = {axis: f"-{axis}"}
+    _wire_probe(bench, {axis: f"-{axis}"})
     return "probe-axis-reversed", axis
 
 
@@ -422,13 +431,17 @@ def commission(case: Case, seed: int, folder: Path, *, short: bool = False) -> t
     rng = random.Random(f"{seed} {case.name}")
     expected = case.plant.plant(bench, rng)
     if case.other is not None:
-        both = {expected, case.other.plant(bench, rng)}
+        planted = expected, case.other.plant(bench, rng)
+        both = {flag for flag in planted if not isinstance(flag, Ends)}
         plan = bench_plan_of(case.bench)
         for part, brief in SHORT.items() if short else ():
             plan["parameters"].setdefault(part, {}).update(brief)
         outcome = run_of(folder, plan, bench)
         if outcome.document is None:
-            return False, outcome
+            # Answers that are lost while a supply proves that it is at rest end the run.
+            lines = [f"{flag[1]}: " for flag in both if flag[0] == "line-loses-answers"]
+            ended = outcome.exit_code == 3 and any(name in str(outcome.error) for name in lines)
+            return ended, outcome
         causes = {flag for flag in named(outcome) if not flag[0].endswith("-undecided")}
         return outcome.exit_code == 1 and causes == both, outcome
     plan = whole_plan_of(case.plant.part, case.bench)
