@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings
+from drivers.transport.text_line import ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place
@@ -108,8 +108,7 @@ class BurstMeter(ScpiDriver):
             if once and self._range is not None:
                 return
             self._range, self._pending = None, 0
-            # What was refused before must not be taken for a refusal of what follows.
-            self._line.query(f"*CLS;{ERROR_QUERY}")
+            self._line.forget_errors()
             cycles_per_s = self._line_frequency_Hz()
             self._set_up(range_, nplc, auto_zero)
             self._reading_s = (1 if auto_zero is False else 2) * nplc / cycles_per_s

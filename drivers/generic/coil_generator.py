@@ -23,7 +23,7 @@ from drivers.generic.coil_generator_messages import (
     load_ohm,
 )
 from drivers.transport.exchanges import shortened
-from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings
+from drivers.transport.text_line import ScpiDriver, VisaSettings
 from station.errors import InstrumentError
 from station.roles import Place, SafetyReading, quantity
 from station.roles.patience import patience
@@ -77,16 +77,10 @@ class CoilGenerator(ScpiDriver):
         Raises InstrumentError where the bench allows more than the instrument can give.
         """
         largest_V = self.largest_open_V * self._share
-        if self._limit_V > largest_V:
-            raise self.error(
-                f"limit the voltage to {self._limit_V:g} V",
-                f"with this load the instrument ends at {largest_V:g} V",
-                "lower limits.voltage in the bench file",
-            )
+        self.check_rating("voltage", largest_V, "V", whose="with this load the instrument")
         self._prepared = False
         self._forget()
-        # What was refused before must not be taken for a refusal of what follows.
-        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.forget_errors()
         self._line.command("*RST")
         for messages in self._messages.values():
             self._line.command(messages.limits(self._load_ohm, self._limit_V))
@@ -172,7 +166,7 @@ class CoilGenerator(ScpiDriver):
     def make_safe(self, deadline_s: float) -> None:
         """Switch both outputs off and read them back."""
         self._forget()
-        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.forget_errors()
         self._line.command(self._off())
         (outputs,) = self._line.proof.of(self._outputs)
         on = [channel for channel, is_on in outputs.items() if is_on]
@@ -231,7 +225,7 @@ class CoilGenerator(ScpiDriver):
             self._forget(channel)
             try:
                 with patience():
-                    self._line.query(f"*CLS;{ERROR_QUERY}")
+                    self._line.forget_errors()
                     self._line.command(self._messages[channel].switch(on=False))
                 self._outputs()
             except InstrumentError:

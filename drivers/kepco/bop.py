@@ -42,12 +42,12 @@ class KepcoBop(KepcoSupply):
     the output's switching on, which lifts a protection that tripped meanwhile."""
 
     def _programme_limits(self) -> None:
-        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.forget_errors()
         self._line.command("FUNC:MODE CURR")
         self._line.command("CURR:MODE FIX;:CURR 0")
         # First, since a lower limit that somebody left is what the card then ends at.
         answer = self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
-        self._check_rating()
+        self.check_rating("current", self._line.number("CURR? MAX"), "A")
         self._line.command(f"VOLT {self._voltage_limit_V:.4f}")
         if not answer.startswith(("0,", "-113")):
             raise self._line.refused("CURR:LIM", answer)

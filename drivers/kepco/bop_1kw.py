@@ -50,7 +50,7 @@ class KepcoBop1kW(KepcoSupply):
     the output's switching on, which lifts a protection that tripped meanwhile."""
 
     def _programme_limits(self) -> None:
-        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.forget_errors()
         self._line.command("SYST:REM ON")
         self._line.command("OUTP:CONT OFF")
         self._line.command("OUTP:MODE ACTIVE")
@@ -58,7 +58,7 @@ class KepcoBop1kW(KepcoSupply):
         self._line.command("CURR:MODE FIX;:CURR 0")
         # First, since a lower limit that somebody left is what the supply then ends at.
         self._line.query(f"CURR:LIM {self._current_limit_A:.4f};{ERROR_QUERY}")
-        self._check_rating()
+        self.check_rating("current", self._line.number("CURR? MAX"), "A")
         self._limit("VOLT:PROT", self._voltage_limit_V)
         self._limit("CURR:LIM", self._current_limit_A)
 

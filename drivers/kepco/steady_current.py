@@ -63,8 +63,7 @@ class SteadyCurrent(ScpiDriver, ABC):
         self._line.command("CURR:RANG 1")
         self._line.command("OUTP ON")
         if not self._is_on():
-            raise InstrumentError(
-                self.place.name,
+            raise self.error(
                 "switched the output on",
                 "it reads back as off",
                 "look at the supply's display for a tripped protection and clear it",

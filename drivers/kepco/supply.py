@@ -30,7 +30,7 @@ from typing import ClassVar
 
 from drivers.kepco.steady_current import STEP_S, SteadyCurrent, set_point_A
 from drivers.transport.exchanges import TooLate
-from drivers.transport.text_line import ERROR_QUERY, not_this_model
+from drivers.transport.text_line import not_this_model
 from station.clock import Clock
 from station.errors import InstrumentError, PauseRefused
 from station.roles import TRIES, Identity, Place, SafetyReading, published, quantity
@@ -136,16 +136,6 @@ class KepcoSupply(SteadyCurrent):
         self._half_period_s = 0.5 / given_Hz
         return given_Hz
 
-    def _check_rating(self) -> None:
-        """Raise InstrumentError when the bench's limit is above the instrument's rating."""
-        rating_A = self._line.number("CURR? MAX")
-        if self._current_limit_A > rating_A:
-            raise self.error(
-                f"limit the current to {self._current_limit_A:g} A",
-                f"the instrument ends at {rating_A:g} A",
-                "lower limits.current in the bench file",
-            )
-
     def start_sine(self) -> None:
         """Run the uploaded list and prove from the status register that it runs."""
         self._line.command("CURR:MODE LIST")
@@ -169,8 +159,7 @@ class KepcoSupply(SteadyCurrent):
     def make_safe(self, deadline_s: float) -> None:
         """Leave the list near a zero of its sine, ramp what remains, switch the output off."""
         self._take_over()
-        # What was refused before must not be taken for a refusal of what follows.
-        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.forget_errors()
         self._ramp_to_zero(deadline_s)
         self._line.command("OUTP OFF")
         self.place.publish("output", "off")

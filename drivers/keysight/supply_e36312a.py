@@ -31,7 +31,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from pydantic import Field
 
 from drivers.transport.exchanges import Repeatable, shortened
-from drivers.transport.text_line import ERROR_QUERY, ScpiDriver, VisaSettings, numbers_of
+from drivers.transport.text_line import ScpiDriver, VisaSettings, numbers_of
 from station.errors import InstrumentError
 from station.fields import Unit
 from station.roles import Place, SafetyReading, quantity
@@ -121,8 +121,7 @@ class KeysightE36312A(ScpiDriver):
             self._prove()
             return
         try:
-            # What was refused before must not be taken for a refusal of what follows.
-            self._line.query(f"*CLS;{ERROR_QUERY}")
+            self._line.forget_errors()
             for message in (
                 f"OUTP OFF,{self._at}",
                 f"OUTP:PROT:CLE {self._at}",
@@ -163,7 +162,7 @@ class KeysightE36312A(ScpiDriver):
 
     def make_safe(self, deadline_s: float) -> None:
         """Switch the output off and read it back."""
-        self._line.query(f"*CLS;{ERROR_QUERY}")
+        self._line.forget_errors()
         self._line.command(f"OUTP OFF,{self._at}")
         reading = self.read_safety()
         if not reading.safe:

@@ -130,12 +130,7 @@ class NewportEsp301(Driver):
             if self._line.command(command, but_for=(PROTECTED, OUT_OF_RANGE)):
                 self.met(f"keeps its own {maximum}")
             rating = self._number(f"{maximum}?")
-            if wanted > rating + AGREES:
-                raise self.error(
-                    f"limit the {name} to {wanted:g} {unit}",
-                    f"the stage ends at {rating:g} {unit}",
-                    f"lower limits.{name} in the bench file",
-                )
+            self.check_rating(name, rating, unit, whose="the stage", rounded=AGREES)
             for header in headers:
                 self._write(header, wanted)
         limits = self.place.limits

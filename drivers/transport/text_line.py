@@ -288,6 +288,10 @@ class VisaLine(TextLine):
             "compare the plan's and the bench file's values with the instrument's ranges",
         )
 
+    def forget_errors(self) -> None:
+        """Empty the queue: what was refused before is no refusal of what follows."""
+        self.query(f"*CLS;{self._error_query}")
+
     def next_error(self) -> str:
         """Take the oldest error, or all, from the queue; empty where there is none."""
         answer = self.query(self._error_query)

@@ -295,6 +295,23 @@ class Driver:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
         return InstrumentError(self.place.name, attempted, came_back, do_now)
 
+    def check_rating(
+        self,
+        limit: str,
+        rating: float,
+        unit: str,
+        *,
+        whose: str = "the instrument",
+        rounded: float = 0.0,
+    ) -> None:
+        """Raise InstrumentError where the bench allows more than the instrument is rated for."""
+        if self.limit(limit) > rating + rounded:
+            raise self.error(
+                f"limit the {limit} to {self.limit(limit):g} {unit}",
+                f"{whose} ends at {rating:g} {unit}",
+                f"lower limits.{limit} in the bench file",
+            )
+
     def check_set(self, what: str, wanted: str, has: str, *, agrees: bool) -> None:
         """Raise InstrumentError where a setting reads back otherwise than it was set."""
         if not agrees:
