@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 import can
 
 from drivers.transport.can_adapter import Adapter, StampedTime
-from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
+from drivers.transport.kept_frames import KeptFrames
 from drivers.transport.ports import CONNECT_DEADLINE_S, SocketPort, connected
 from station.clock import FarEnd, boot_seconds
 from station.errors import InstrumentError, reason_of
@@ -233,21 +232,14 @@ class CanLine(KeptFrames[Frame]):
         except OSError as error:
             raise self._broken(reason_of(error)) from error
 
-    def close(self) -> None:
-        """Close the connection and end the reader."""
-        self._end_reading(2 * READ_SLICE_S)
-        with suppress(OSError):
-            self._bus.shutdown()
+    def _shut(self) -> None:
+        self._bus.shutdown()
 
     def _read(self, within_s: float) -> bool:
         try:
             messages = self._received(within_s)
         except (OSError, ValueError) as error:
-            if not self._closing.is_set():
-                self._dead = reason_of(error)
-            # Nothing that is still on its way can come any more.
-            self._wire.close()
-            return False
+            return self._died(error)
         arrival_s, frames = self._clock.now(), []
         for message in messages:
             identifier, data = message.arbitration_id, bytes(message.data)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from threading import Event, Lock, Thread
 from typing import Generic, TypeVar
 
 from drivers.transport.ports import TracedLine
-from station.errors import InstrumentError
+from station.errors import InstrumentError, reason_of
 from station.roles import Place
 
 LOOK_S = 0.005
@@ -86,13 +87,20 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
         if not self._wire.listen(lambda: self._read(LOOK_S)):
             self._reader.start()
 
-    def _end_reading(self, within_s: float) -> None:
+    def close(self) -> None:
+        """Close the line and end the reader; a line that is already gone is no error."""
         if not self._closing.is_set():
             self._traced("-", b"closed")
         self._closing.set()
         self._wire.close()
         if self._reader.is_alive():
-            self._reader.join(within_s)
+            self._reader.join(2 * READ_SLICE_S)
+        with suppress(OSError):
+            self._shut()
+
+    @abstractmethod
+    def _shut(self) -> None:
+        """Give back what the line goes over."""
 
     @abstractmethod
     def _read(self, within_s: float) -> bool:
@@ -123,6 +131,13 @@ class KeptFrames(TracedLine, ABC, Generic[F]):
             first = self._dropped == too_many
         if first:
             self._place.note("frames-dropped", kept=MAX_FRAMES)
+
+    def _died(self, error: Exception) -> bool:
+        """Take note that nothing can come any more; return that there was nothing."""
+        if not self._closing.is_set():
+            self._dead = reason_of(error)
+        self._wire.close()  # nor what is still on its way
+        return False
 
     def _broken(self, why: str) -> InstrumentError:
         return self._fault(f"used {self.line}", f"the line broke ({why})", self.when_broken)

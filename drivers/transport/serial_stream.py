@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.transport.kept_frames import READ_SLICE_S, KeptFrames
+from drivers.transport.kept_frames import KeptFrames
 from drivers.transport.ports import Port, SerialSettings, open_port, wire_address
 from station.errors import reason_of
 from station.roles import Place
@@ -63,21 +62,14 @@ class SerialStream(KeptFrames[StreamFrame]):
         except OSError as error:
             raise self._broken(reason_of(error)) from error
 
-    def close(self) -> None:
-        """Close the line and end the reader; a line that is already gone is no error."""
-        self._end_reading(2 * READ_SLICE_S)
-        with suppress(OSError):
-            self._port.close()
+    def _shut(self) -> None:
+        self._port.close()
 
     def _read(self, within_s: float) -> bool:
         try:
             data = self._port.read(within_s)
         except (OSError, ValueError, TypeError) as error:  # pyserial on a port that vanished
-            if not self._closing.is_set():
-                self._dead = reason_of(error)
-            # Nothing that is still on its way can come any more.
-            self._wire.close()
-            return False
+            return self._died(error)
         if not data:
             return False
         self._traced("<", data)

@@ -388,6 +388,9 @@ class Kept(KeptFrames[bytes]):
     def _read(self, within_s: float) -> bool:
         return False
 
+    def _shut(self) -> None:
+        pass
+
     def flooded(self, count: int) -> None:
         self._keep(b"x" for _ in range(count))
 
