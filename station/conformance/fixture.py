@@ -88,10 +88,22 @@ class Fixture:
         `where`: `ahead` of the reply, `before` or `behind` it in one piece, or `after` it. False
         where the instrument is not simulated by a bench that can do so.
         """
+        return self._inject(fault="stray-line", where=where, text=text, nth=nth)
+
+    def silence(self) -> bool:
+        """Have no answer come from now on; False where nobody can do so."""
+        return self._inject(**{"fault": "no-reply", "for": "1 h"})
+
+    def energised(self) -> bool | None:
+        """Whether the simulated instrument is energised, as it says itself; None: it does not."""
+        report = getattr(self.simulation, "simulation_report", None)
+        said: bool | None = None if report is None else report()["outputs"].get(self.name)
+        return said
+
+    def _inject(self, **fault: Any) -> bool:
         inject = getattr(self.simulation, "inject", None)
         if inject is None:
             return False
-        fault = {"fault": "stray-line", "where": where, "text": text, "nth": nth}
         try:
             inject({"instrument": self.name, **fault})
         except Exception as error:  # the simulator's own, which is no class of the station

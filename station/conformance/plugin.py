@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+import signal
+import threading
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from typing import Any, Never
 
 import pytest
 
@@ -16,6 +19,12 @@ from station.roles.role import Role, role_of, roles
 
 CLAIMS = {"made_safe": "make_safe", "sampled_source": "drain"}
 """Fixtures for whatever has a verb; the other fixtures bear the name of a role."""
+
+LONGEST_S, LONGEST_END_S = 60.0, 10.0
+"""Of the computer's time, for a test on a simulated bench, and for what comes after one too long.
+
+None takes a second, so what takes longer never ends: a `make_safe` that waits for ever.
+"""
 
 ENERGISES = "energises: current may flow; on a real bench only with --station-energise"
 
@@ -85,6 +94,45 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         (kept if concerned else left_out).append(item)
     items[:] = kept
     config.hook.pytest_deselected(items=left_out)
+
+
+@contextmanager
+def within(item: pytest.Item, longest_s: float) -> Iterator[None]:
+    """Fail what takes longer, and end the session with it; only where a signal can do so."""
+
+    def overrun(*_: object) -> Never:
+        what = f"{item.name} did not end within {longest_s:g} s of the computer's time"
+        item.session.shouldfail = f"{what}; does the driver wait for ever, or not by place.clock?"
+        pytest.fail(what)
+
+    main = threading.current_thread() is threading.main_thread()
+    if item.config.stash[UNDER_TEST][0].simulation is None or not main:
+        yield
+        return
+    if not hasattr(signal, "setitimer"):  # Windows
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, overrun)
+    signal.setitimer(signal.ITIMER_REAL, longest_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Let no test go on for ever."""
+    with within(item, LONGEST_S):
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Let no end of a test go on for ever: it brings the instrument to rest, too."""
+    with within(item, LONGEST_END_S if item.session.shouldfail else LONGEST_S):
+        return (yield)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 from station.conformance.faulty_server import FaultyServer, closed_port, is_can, moved_to
 from station.conformance.fixture import Fixture
 from station.driver_checks import settings_of, wrong_units
-from station.errors import InstrumentError
+from station.errors import InstrumentError, QuantityNotRead
 from station.fields import StrictModel
 from station.roles.role import Role, quantities_of
 
@@ -102,6 +102,19 @@ def test_it_declares_its_settings_and_what_it_reads(fixture: Fixture, instrument
     for quantity, read in getattr(instrument, "quantities", {}).items():
         assert callable(read), f"nothing reads {quantity}"
     assert not list(wrong_units(instrument, fixture.name))
+
+
+def test_each_quantity_reads_as_its_role_has_it(fixture: Fixture, instrument: Any) -> None:
+    """An interlock compares a number with a level, or a word with the states that there are."""
+    instrument.identify()
+    declared = quantities_of(fixture.name)
+    for quantity in declared.keys() & set(getattr(instrument, "quantities", {})):
+        with suppress(QuantityNotRead):  # which no setting wires
+            value = instrument.read_quantity(quantity)
+            states = declared[quantity].states
+            fits = value in states if states else isinstance(value, int | float)
+            wanted = " or ".join(states) or f"a number in {declared[quantity].unit}"
+            assert value is None or fits, f"{quantity} reads {value!r}, its role has {wanted}"
 
 
 def test_it_says_who_is_there(fixture: Fixture, instrument: Any) -> None:

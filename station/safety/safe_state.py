@@ -131,14 +131,14 @@ def _make_one_safe(
         try:
             instrument.make_safe(clock.now() + allowed_s)
             reading = instrument.read_safety()
+            safe, sentence = reading.safe, reading.read_back
         except Hurried:  # comes once: the same again, with less time to wait
             attempts += 1
             continue
         except Exception as error:  # whatever it is, the next instrument must still be made safe
             sentence = str(error)
             continue
-        sentence = reading.read_back
-        if reading.safe:
+        if safe:
             now_s = clock.now()
             return SafeOutcome(name, True, sentence, now_s - began_s, skipped, read_s=now_s)
     return SafeOutcome(name, False, sentence, clock.now() - began_s, skipped)

@@ -65,7 +65,7 @@ def test_a_new_driver_and_its_simulator_pass_the_conformance_run_that_is_printed
     write_new("driver", "mag-4")
     (command,) = re.findall(r"pytest (.+)", capsys.readouterr().err)
     printed = pytest_with(tmp_path / "mag-4", *command.split())
-    assert re.search(r"^20 passed, 4 skipped, \d+ deselected", printed, re.MULTILINE), printed
+    assert re.search(r"^21 passed, 4 skipped, \d+ deselected", printed, re.MULTILINE), printed
 
 
 def pytest_with(folder: Path, *arguments: str) -> str:

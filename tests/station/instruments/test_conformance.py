@@ -16,6 +16,7 @@ from quick_yaml import dump_yaml
 
 import station.conformance
 from station import registry
+from station.conformance import plugin
 from station.roles.role import role_of
 
 ASKED = {path.stem for path in Path(station.conformance.__path__[0]).glob("test_*.py")}
@@ -88,6 +89,40 @@ BROKEN_SUPPLIES = {
         "        except Exception as error:\n            raise RuntimeError('no') from error\n",
         {"test_a_closed_port_is_reported_clearly", "test_silence_is_reported_clearly_and_in_time"},
     ),
+    "takes silence for rest": (
+        "    def read_safety(self):\n"
+        "        try:\n            return super().read_safety()\n"
+        "        except Exception:\n            return SafetyReading(True, 'nothing answers')\n",
+        {"test_silence_is_not_rest"},
+    ),
+    "proves nothing": (
+        "    def read_safety(self):\n"
+        "        is_off = '1' not in self._line.query('OUTP?')\n"
+        "        return SafetyReading(is_off, 'off' if is_off else 'on')\n",
+        {"test_an_answer_from_before_is_no_proof_of_rest"},
+    ),
+    "is switched on at last": (
+        "    def last_attempt(self):\n        self._line.last_attempt('OUTP ON')\n",
+        {"test_its_last_attempt_brings_it_to_rest"},
+    ),
+    "is switched on by who asks": (
+        "    def identify(self):\n"
+        "        self._line.command('OUTP ON')\n        return super().identify()\n",
+        {"test_opening_and_asking_it_energises_nothing"},
+    ),
+    "cannot read as on": (
+        "    quantities = {**KepcoBop.quantities, 'output': lambda self: 'off'}\n",
+        {"test_it_reads_back_that_it_is_energised"},
+    ),
+    "says how warm it is in a word": (
+        "    quantities = {**KepcoBop.quantities, 'temperature': lambda self: 'warm'}\n",
+        {"test_each_quantity_reads_as_its_role_has_it"},
+    ),
+    "never comes to an end": (
+        "    def make_safe(self, deadline_s):\n"
+        "        while True:\n            self.place.clock.sleep(1.0)\n",
+        {"test_it_can_be_made_safe_again_and_again"},
+    ),
     "closes once": (
         "    def close(self):\n        self._line.close()\n        del self._line\n",
         {"test_closing_twice_does_no_harm"},
@@ -159,7 +194,12 @@ def test_our_driver_conforms(case: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", BROKEN_SUPPLIES)
-def test_a_broken_supply_fails_where_it_is_broken(fault: str, laboratory: Path) -> None:
+def test_a_broken_supply_fails_where_it_is_broken(
+    fault: str, laboratory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "never" in fault:
+        monkeypatch.setattr(plugin, "LONGEST_S", 2.0)
+        monkeypatch.setattr(plugin, "LONGEST_END_S", 0.5)
     name = f"Broken{list(BROKEN_SUPPLIES).index(fault)}"
     _, expected = BROKEN_SUPPLIES[fault]
     done = conformance(name, laboratory / f"{name}.yaml", "-k", " or ".join(sorted(expected)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
@@ -55,6 +56,18 @@ def test_what_does_not_come_to_rest_is_unverified_and_keeps_nobody_waiting() -> 
         ("coil_supply.x", True),
     ]
     assert clock.now() < 12.0
+
+
+def test_a_reading_that_is_none_keeps_nobody_from_rest() -> None:
+    class Odd(Slow):
+        def read_safety(self) -> Any:
+            return True
+
+    clock = VirtualClock()
+    bench = {"pump_laser": Odd(clock, 1.0), "coil_supply.x": Slow(clock, 1.0)}
+    with clock.participant("run"):
+        outcomes = make_bench_safe(bench, [], clock)
+    assert [outcome.verified for outcome in outcomes] == [False, True]
 
 
 def test_a_hurry_shortens_waits_says_so_and_leaves_nothing_out() -> None:
