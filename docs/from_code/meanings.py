@@ -49,17 +49,18 @@ PARAMETERS = {
         "contacts.chain": "contacts of the interlock chain that a person opens and closes",
         "contacts.settle": "time between a hand at a contact and the look at it",
         "coils": "the part of coils, their supplies and the field probe",
-        "watch": "whether the figures are held against those of the bench's commissioning",
+        "watch": "figures that are held against those of the bench's commissioning; "
+        "`station commission --check` takes those that the bench file holds",
         "coils.field": "steady field of each coil, of either sense",
         "coils.record": "length of each record of the field",
         "coils.settle": "time between a change of the field and its record",
         "coils.turn_probe": "whether a person turns a probe of one axis along x, y and z",
-        "coils.ambient": "the ambient field along the bench's axes, from a map and a compass; it "
+        "ambient": "the ambient field along the bench's axes, from a map and a compass; it "
         "decides whether a coil or an axis of the probe is reversed",
-        "coils.ambient.x": "component along x",
-        "coils.ambient.y": "component along y",
-        "coils.ambient.z": "component along z",
-        "coils.ambient.standard_uncertainty": "of each component",
+        "ambient.x": "component along x",
+        "ambient.y": "component along y",
+        "ambient.z": "component along z",
+        "ambient.standard_uncertainty": "of each component",
         "probe": "the part of the probe's place in the coils, and their homogeneity",
         "probe.field": "steady field of each coil, of either sense",
         "probe.record": "length of each record of the field",
@@ -110,13 +111,13 @@ PARAMETERS = {
         "gyro.sample_interval": "interval of the gyro's samples",
         "gyro.warm_up": "time between switching it on and the record",
         "gyro.record": "length of the record at rest",
-        "gyro.earth": "what of the earth's rate the gyro feels; without it nothing is said of the "
+        "earth": "what of the earth's rate the gyro feels; without it nothing is said of the "
         "pulse weight",
-        "gyro.earth.latitude": "of the bench, north positive",
-        "gyro.earth.elevation": "of the input axis over the level",
-        "gyro.earth.azimuth": "of the input axis, from north over east",
-        "gyro.earth.direction": "standard uncertainty of its direction",
-        "gyro.earth.bias": "of the gyro, as a standard uncertainty about zero",
+        "earth.latitude": "of the bench, north positive",
+        "earth.elevation": "of the input axis over the level",
+        "earth.azimuth": "of the input axis, from north over east",
+        "earth.direction": "standard uncertainty of its direction",
+        "earth.bias": "of the gyro, as a standard uncertainty about zero",
     },
     "rlg-magnetic-sensitivity": {
         "excitation": "`sequential`: one coil after the other, as published; `simultaneous`: all "

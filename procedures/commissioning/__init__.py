@@ -67,7 +67,7 @@ def chosen(parameters: CommissioningParameters) -> Iterator[tuple[Part, Any]]:
     """Yield the parts that a plan asks for, each with its own parameters."""
     for part in PARTS:
         if part.name in parameters.checks:
-            yield part, getattr(parameters, part.name)
+            yield part, part.own(parameters)
 
 
 def records(parameters: CommissioningParameters, bench: Bench) -> tuple[RecordUse, ...]:

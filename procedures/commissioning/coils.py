@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
@@ -95,13 +95,16 @@ class CoilRecord:
 
 
 class CoilParameters(StrictModel):
-    """What the engineer chooses. A probe of one axis needs `turn_probe`: a person turns it."""
+    """What the engineer chooses. A probe of one axis needs `turn_probe`: a person turns it.
+
+    `ambient` is a key of the plan's own, which `Part.own` puts here.
+    """
 
     field_mT: Annotated[float, Unit("mT"), Field(gt=0, le=1.0)] = 0.2
     record_s: Annotated[float, Unit("s"), Field(ge=2, le=600)] = 5.0
     settle_s: Annotated[float, Unit("s"), Field(ge=0.5, le=60)] = 1.0
     turn_probe: bool = False
-    ambient: Ambient | None = None
+    ambient: ClassVar[Ambient | None] = None
 
     @property
     def directions(self) -> tuple[str, ...]:
@@ -562,6 +565,7 @@ PART = Part(
     records=records,
     check=check,
     fits=fits,
+    site="ambient",
     completes=completions,
     may_stand=frozenset({"coil-constant-off"}),
 )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
@@ -86,14 +86,14 @@ class EarthRate(StrictModel):
 
 
 class GyroParameters(StrictModel):
-    """What the engineer chooses. Without `earth` the pulse weight is not reported."""
+    """What the engineer chooses. Without `earth`, a key of the plan's own, no pulse weight."""
 
     channel: Annotated[int, Field(ge=1, le=3)] = 1
     pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)] = 0.0625
     sample_interval_s: Annotated[float, Unit("s"), Field(ge=0.01, le=10)] = 1.0
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0, le=86400)] = 3600.0
     record_s: Annotated[float, Unit("s"), Field(ge=20, le=86400)] = 600.0
-    earth: EarthRate | None = None
+    earth: ClassVar[EarthRate | None] = None
 
 
 GYRO = "gyro_acquisition"
@@ -303,7 +303,7 @@ def not_tried(parameters: GyroParameters) -> Mapping[str, str]:
     if parameters.earth is not None:
         return {}
     why = "the pulse weight was not compared with the earth's rate: state what the gyro feels of it"
-    return {WEIGHT_STEP: f"{why} in parameters.gyro.earth"}
+    return {WEIGHT_STEP: f"{why} in parameters.earth"}
 
 
 PART = Part(
@@ -320,6 +320,7 @@ PART = Part(
     analyse=analyse,
     records=lambda parameters, bench: (RecordUse(*SCALE, needed=False),),
     not_tried=not_tried,
+    site="earth",
     # A warm-up of 0.12 deg/h and 12 min leaves as much after that as the bias is known to.
     short=("parameters.gyro.warm_up=30 min", "parameters.gyro.record=5 min"),
 )

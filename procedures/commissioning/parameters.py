@@ -10,9 +10,9 @@ from station.fields import StrictModel
 
 from .chamber import ChamberParameters
 from .clocks import ClockParameters
-from .coils import CoilParameters
+from .coils import Ambient, CoilParameters
 from .contacts import ContactParameters
-from .gyro import GyroParameters
+from .gyro import EarthRate, GyroParameters
 from .lines import LineParameters
 from .motion import MotionParameters
 from .pick_up import PickUpParameters
@@ -38,11 +38,14 @@ PartName = Literal[
 class CommissioningParameters(StrictModel):
     """What the engineer chooses. `checks` are the parts, walked in the order of the steps.
 
-    `watch` are the figures that are held against those of the bench's commissioning.
+    `watch` are the figures that are held against those of the bench's commissioning. `ambient` and
+    `earth` are what is known of the site.
     """
 
     checks: Annotated[tuple[PartName, ...], Field(min_length=1)] = get_args(PartName)
     watch: tuple[str, ...] = ()
+    ambient: Ambient | None = None
+    earth: EarthRate | None = None
     lines: LineParameters = LineParameters()
     contacts: ContactParameters = ContactParameters()
     supplies: SupplyParameters = SupplyParameters()

@@ -167,6 +167,7 @@ class Part:
     may_stand: causes of its own that keep no figure from being written.
     touches: whether its causes may falsify what other parts measure with the same instruments.
     not_tried: by step number, why a step does nothing with these parameters, or a part of it.
+    site: the plan's key that states what the part takes of the site.
     """
 
     name: str
@@ -187,6 +188,7 @@ class Part:
     may_stand: frozenset[str] = frozenset()
     touches: bool = True
     not_tried: Callable[[Any], Mapping[str, str]] = all_tried
+    site: str = ""
     results: Mapping[str, ResultKind] = field(init=False)
     drift: Mapping[str, float] = field(init=False)
 
@@ -195,6 +197,11 @@ class Part:
         drift = {figure.name: figure.drift for figure in self.figures if figure.drift is not None}
         object.__setattr__(self, "results", results)
         object.__setattr__(self, "drift", drift)
+
+    def own(self, parameters: Any) -> Any:
+        """Return the part's own parameters, with what it takes of the site as an attribute."""
+        stated = {self.site: getattr(parameters, self.site)} if self.site else {}
+        return getattr(parameters, self.name).model_copy(update=stated)
 
     def is_possible(self, bench: Bench) -> bool:
         """Return whether a bench has what the part needs."""

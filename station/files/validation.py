@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from station.fields import UNIT_ERROR, Unit, key_of, unit_in
-from station.files.faults import Fault, FaultList, listed, nearest
+from station.files.faults import Fault, FaultList, dotted, listed, nearest
 
 if TYPE_CHECKING:
     from station.files.yaml.document import Document
@@ -100,7 +100,7 @@ def _fault(document: Document, model: type[BaseModel], at: Loc, detail: dict[str
         return document.fault((*path, loc[-1]), "is missing")
     if kind == "extra_forbidden":
         known = _keys_at(model, loc[:-1])
-        hint = nearest(str(loc[-1]), known)
+        hint = nearest(str(loc[-1]), known) or _further_out(model, at, loc)
         what = "is not known here" if hint else f"is not known here; known are {listed(known)}"
         return document.fault(path, what, hint and f"'{hint}'", at_key=True)
     if loc and loc[-1] == "[key]":
@@ -179,6 +179,14 @@ def _key_of_default(model: type[BaseModel], loc: Loc) -> str | None:
     for inner in _models_at(model, loc[:-1]):
         if loc[-1] in inner.model_fields:
             return key_of(inner, str(loc[-1]))
+    return None
+
+
+def _further_out(model: type[BaseModel], at: Loc, loc: Loc) -> str | None:
+    """Return where a key stands that is known nearer to the beginning of the file."""
+    for k in reversed(range(len(loc) - 1)):
+        if loc[-1] in _keys_at(model, loc[:k]):
+            return dotted((*at, *loc[:k], loc[-1]))
     return None
 
 

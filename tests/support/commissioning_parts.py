@@ -66,9 +66,9 @@ def _with_known(plan: dict[str, Any]) -> dict[str, Any]:
     """State the ambient field, the earth's rate and what they decide, where their parts are."""
     parameters = plan["parameters"]
     if "coils" in parameters["checks"]:
-        parameters["coils"]["ambient"] = AMBIENT
+        parameters["ambient"] = AMBIENT
     if "gyro" in parameters["checks"]:
-        parameters["gyro"]["earth"] = EARTH
+        parameters["earth"] = EARTH
         plan["limits"]["pulse_weight_ratio"] = PULSE_WEIGHT_LIMIT
     return plan
 

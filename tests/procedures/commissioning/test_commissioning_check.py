@@ -97,7 +97,7 @@ def test_no_constant_is_written_while_the_probe_is_off_its_place(tmp_path: Path)
 def test_a_pulse_weight_that_is_off_is_never_called_good(
     earth: bool, expected: int, tmp_path: Path
 ) -> None:
-    key = "parameters.gyro.earth"
+    key = "parameters.earth"
     stated = (f"{key}.latitude=39.9 deg", f"{key}.elevation=90 deg", f"{key}.bias=0.01 deg/h")
     short = (
         *only("gyro"),

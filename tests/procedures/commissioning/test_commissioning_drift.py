@@ -17,7 +17,7 @@ from procedures.commissioning import PARTS, WATCHED
 from station.cli.commissioning import commission_bench
 
 Bench = dict[str, Any]
-STATED = tuple(f"parameters.gyro.earth.{key}={value}" for key, value in EARTH.items())
+STATED = tuple(f"parameters.earth.{key}={value}" for key, value in EARTH.items())
 WHOLE = [part for part in PARTS if part.drift]
 BRIEF = tuple(line for part in WHOLE for line in part.short)
 

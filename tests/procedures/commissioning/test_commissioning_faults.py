@@ -17,10 +17,13 @@ from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
 
 
-def commissioned(folder: Path, bench: dict[str, Any], **parameters: Any) -> Outcome:
+def commissioned(
+    folder: Path, bench: dict[str, Any], ambient: Any = AMBIENT, **parameters: Any
+) -> Outcome:
     """Run the shipped plan, short, with the ambient field of the simulated room stated."""
     plan = plan_of("coils")
-    plan["parameters"]["coils"] |= {"record": "2 s", "ambient": AMBIENT, **parameters}
+    plan["parameters"]["coils"] |= {"record": "2 s", **parameters}
+    plan["parameters"]["ambient"] = ambient
     return run_of(folder, plan, bench)
 
 

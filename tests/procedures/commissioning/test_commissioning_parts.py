@@ -12,6 +12,9 @@ from short_forms import read_bench_at
 
 from procedures.commissioning import PARTS, PROCEDURE, coils
 from procedures.commissioning.parameters import CommissioningParameters
+from station.files.faults import FaultList
+from station.files.plan import read_plan
+from station.procedure import Procedures
 from station.units import parse_as
 
 
@@ -34,6 +37,16 @@ def test_a_bench_without_a_gaussmeter_has_no_part_and_no_limit_of_the_coils(tmp_
     overrides = list(PROCEDURE.fits(read_bench_at(path), False, {}))
     assert "coils" not in overrides[0]
     assert {f"limits.{name}=null" for name in coils.PART.results} <= set(overrides)
+
+
+@pytest.mark.parametrize(("part", "key"), [("coils", "ambient"), ("gyro", "earth")])
+def test_what_the_site_is_stands_in_no_part(part: str, key: str, tmp_path: Path) -> None:
+    plan = shipped_plan("commissioning")
+    plan["parameters"][part][key] = {}
+    path = tmp_path / "plan.yaml"
+    path.write_text(yaml.safe_dump(plan), encoding="utf-8")
+    with pytest.raises(FaultList, match=f"did you mean 'parameters.{key}'"):
+        read_plan(path, Procedures())
 
 
 FIGURES = {figure.name: figure for part in PARTS for figure in part.figures}

@@ -11,9 +11,10 @@ from commissioning_parts import EARTH, whole_plan_of
 from plan_runs import run_of, shipped_bench
 
 
-def short_plan(part: str, **changes: Any) -> dict[str, Any]:
+def short_plan(part: str, earth: Any = EARTH, **changes: Any) -> dict[str, Any]:
     """Return a part's plan with a short record, the earth's rate stated for the gyro."""
     plan = whole_plan_of(part)
+    plan["parameters"]["earth"] = earth
     own = {"readings": 3, "nplc": 1} if part == "stage" else {"record": "300 s"}
     plan["parameters"][part] |= own | changes
     return plan
