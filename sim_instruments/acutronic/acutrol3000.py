@@ -6,8 +6,12 @@ turns for ever, status that stays frozen after a break, status byte that `*STB?`
 `:Status:STB?` does not, limits of trip and position by mode, numbers without an exponent. What no
 source settles of the answers is a key of the truth (`sim_instruments.acutronic.answers`). Assumed:
 that the queue gives the oldest error first, that a servo closes with the mode off, and that
-`:Mode:Home`, which the manual marks as future, turns to the encoder's zero; `mode_home` of the
-truth makes it `refused` or `ignored`. Left out: oscillating, following, jerk (it is kept, and
+`:Mode:Home`, which the manual marks as future, turns to the encoder's zero (`mode_home` of the
+truth makes it `refused` or `ignored`); that `:Interlock?` answers with the words that the manual
+gives for `:Interlock:Control?` (Close, Open, Fault); that a state vector is position, rate and
+acceleration, which `;` parts as it parts the values of an oscillator; that an event register, whose
+second argument is not explained, shows the bits that are set now. An oscillator's values are kept
+and drive nothing. Left out: oscillating, following, jerk (it is kept, and
 limits nothing), the wrapping of values beyond full scale, real-time data, binary numbers.
 """
 
@@ -17,8 +21,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from sim_instruments.acutronic.answers import Answers, ErrorQueue
-from sim_instruments.acutronic.axes import Axes
-from sim_instruments.acutronic.axis import MODES, Axis
+from sim_instruments.acutronic.axis import MODES, Axes, Axis
 from sim_instruments.acutronic.language import (
     AMBIGUOUS,
     MISSING_PARAMETER,
@@ -28,13 +31,13 @@ from sim_instruments.acutronic.language import (
     TOO_LONG,
     UNKNOWN_COMMAND,
     AclError,
+    Act,
     Language,
     argument,
     number,
     whole,
 )
 from sim_instruments.acutronic.limits import Limits
-from sim_instruments.acutronic.others import add_others
 from sim_instruments.acutronic.table import Encoder, TableData
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
 from sim_instruments.instrument import Setting
@@ -88,8 +91,8 @@ class Acutrol3000(LineInstrument):
             raise SimulationError(f"{truth.where}: 'axis_1' is missing; a table has an axis")
         self._errors = ErrorQueue()
         self._status_byte = self._events = 0
-        self._language = self._commands()
-        Limits(truth, self.axes, table).add_to(self._language)
+        limits = Limits(truth, self.axes, table)
+        self._language = Language({**self._commands(), **limits.commands()})
         setting.faults.when_changed(FollowingError.kind, self._falls_behind)
         setting.faults.when_changed(Stuck.kind, self._sticks)
         setting.faults.when_changed(EmergencyStop.kind, self._emergency)
@@ -137,39 +140,54 @@ class Acutrol3000(LineInstrument):
         self._events |= COMMAND_ERROR if code in NOT_UNDERSTOOD else EXECUTION_ERROR
         return self._errors.add(code)
 
-    def _commands(self) -> Language:
-        language = Language()
-        add = language.add
-        add("*IDN?", lambda _: self._identity)
-        add("*STB?", self._take_status_byte)
-        add("*ESR?", self._take_events)
-        add("*CLS", self._clear_status)
-        add("Mode", self._set_mode)
-        add("Mode?", self.axes.answer(lambda axis, _: axis.mode.capitalize()))
-        for mode in MODES:
-            add(f"Mode:{mode}", partial(self._to_mode, mode))
-        if self._mode_home != "refused":
-            add("Mode:Home", self.axes.command(self._search_zero))
-        for name, mode in (("Position", "POSITION"), ("Rate", "RATE")):
-            add(f"Demand:{name}", self.axes.command(partial(demand, mode)))
-        add("Demand:Position?", self.axes.answer(lambda a, _: a.demands.position))
-        add("Demand:Rate?", self.axes.answer(lambda a, _: a.demands.rate))
-        add("Demand:DeltaPosition", self.axes.command(lambda a, v: a.demand_change(number(v, 0))))
-        for asked in ("", "?"):
-            add(f"Read:Position{asked}", self.axes.answer(lambda a, _: a.position_deg()))
-            add(f"Read:Rate{asked}", self.axes.answer(lambda a, _: a.rate_deg_per_s()))
-        add("Interlock:Close", self.axes.command(lambda axis, _: axis.close()))
-        add("Interlock:Open", self.axes.command(lambda axis, _: axis.open()))
-        add("Interlock:Reset", self._reset)
-        add("Utility:Lockout", lambda given: whole(argument(given, 0), ("ON", "OFF")) and None)
-        add_others(language, self.axes)
-        for registers in ("CSR", "ESR"):
-            add(f"Status:{registers}?", self._register)
-        add("Status:STB?", lambda _: str(self._status()))
-        add("Status:MSG?", self._take_errors)
-        add("Status:MSGCLR", self._clear_errors)
-        add("Query:Error?", lambda given: TEXTS.get(int(number(given, 0)), "UNKNOWN ERROR"))
-        return language
+    def _commands(self) -> dict[str, Act]:
+        answer, command, act = self.axes.answer, self.axes.command, self.axes.act
+        read: dict[str, Act] = {
+            "Position": answer(Axis.position_deg),
+            "Rate": answer(Axis.rate_deg_per_s),
+            "Acceleration": answer(Axis.acceleration),
+            "SVector": answer(
+                lambda axis: (axis.position_deg(), axis.rate_deg_per_s(), axis.acceleration())
+            ),
+        }
+        home = {"Mode:Home": act(self._search_zero)} if self._mode_home != "refused" else {}
+        return {
+            "*IDN?": lambda _: self._identity,
+            "*STB?": self._take_status_byte,
+            "*ESR?": self._take_events,
+            "*CLS": self._clear_status,
+            "Mode": self._set_mode,
+            "Mode?": answer(lambda axis: axis.mode.capitalize()),
+            **{f"Mode:{mode}": partial(self._to_mode, mode) for mode in MODES},
+            **home,
+            **{f"Read:{name}{asked}": give for name, give in read.items() for asked in ("", "?")},
+            "Demand:Position": command(lambda a, given: a.demand("POSITION", number(given, 0))),
+            "Demand:Rate": command(lambda a, given: a.demand("RATE", number(given, 0))),
+            "Demand:DeltaPosition": command(lambda a, given: a.demand_change(number(given, 0))),
+            "Demand:Acceleration": command(
+                lambda a, given: setattr(a.demands, "acceleration", number(given, 0))
+            ),
+            "Demand:Oscillator": command(
+                lambda a, given: setattr(a.demands, "oscillator", numbers(given))
+            ),
+            "Demand:SVector": command(lambda a, given: a.demand_vector(*numbers(given))),
+            "Demand:Position?": answer(lambda axis: axis.demands.position),
+            "Demand:Rate?": answer(lambda axis: axis.demands.rate),
+            "Demand:Acceleration?": answer(lambda axis: axis.demands.acceleration),
+            "Demand:Oscillator?": answer(lambda axis: axis.demands.oscillator),
+            "Demand:SVector?": answer(lambda axis: axis.demands.vector()),
+            "Interlock?": answer(Axis.interlock),
+            "Interlock:Close": act(Axis.close),
+            "Interlock:Open": act(Axis.open),
+            "Interlock:Reset": self._reset,
+            "Utility:Lockout": lambda given: whole(argument(given, 0), ("ON", "OFF")) and None,
+            "Status:CSR?": self._register,
+            "Status:ESR?": self._register,
+            "Status:STB?": lambda _: str(self._status()),
+            "Status:MSG?": self._take_errors,
+            "Status:MSGCLR": self._clear_errors,
+            "Query:Error?": lambda given: TEXTS.get(int(number(given, 0)), "UNKNOWN ERROR"),
+        }
 
     def _set_mode(self, given: list[str]) -> None:
         mode = whole(argument(given, 1), MODES)
@@ -193,7 +211,7 @@ class Acutrol3000(LineInstrument):
         status = axis.status()
         return str((status.state, status.dynamic, status.fault)[REGISTERS.index(name[2:])])
 
-    def _search_zero(self, axis: Axis, given: list[str]) -> None:
+    def _search_zero(self, axis: Axis) -> None:
         if self._mode_home == "done":
             axis.search_zero()
 
@@ -242,6 +260,6 @@ class Acutrol3000(LineInstrument):
             self._status_byte |= SAFETY_INTERLOCK | SUMMARY
 
 
-def demand(mode: str, axis: Axis, given: list[str]) -> None:
-    """Demand a position or a rate of an axis."""
-    axis.demand(mode, number(given, 0))
+def numbers(given: list[str]) -> tuple[float, float, float]:
+    """Return the first three arguments as numbers."""
+    return number(given, 0), number(given, 1), number(given, 2)

@@ -20,6 +20,9 @@ from sim_instruments.acutronic.language import (
     OUT_OF_RANGE,
     STATUS_FROZEN,
     AclError,
+    Act,
+    Answer,
+    number,
 )
 from sim_instruments.acutronic.table import (
     TRIP_ABOVE,
@@ -215,6 +218,12 @@ class Axis:
         wanted = self._plan_deg() + change_deg
         self.demand("POSITION", wanted % 360.0 if self.encoder.continuous else wanted)
 
+    def demand_vector(self, position: float, rate: float, acceleration: float) -> None:
+        """Take demands of position, rate and acceleration; that of acceleration is kept."""
+        self.demand("POSITION", position)
+        self.demand("RATE", rate)
+        self.demands.acceleration = acceleration
+
     def search_zero(self) -> None:
         """Turn to the encoder's zero and let it read zero there; the mode is then position."""
         self._ready()
@@ -314,3 +323,37 @@ class Axis:
 
     def _true_deg(self, time_s: float) -> float:
         return self._rotation.now_at(time_s)[0]
+
+
+class Axes(dict[int, Axis]):
+    """Axes by number; in a command ALL means each of them."""
+
+    def named_axis(self, given: list[str]) -> Axis:
+        """Return the axis that the first argument names."""
+        n = number(given, 0)
+        if n not in self:
+            raise AclError(OUT_OF_RANGE)
+        return self[int(n)]
+
+    def named(self, given: list[str]) -> list[Axis]:
+        """Return the axes that the first argument names."""
+        if given and given[0].upper() == "ALL":
+            return list(self.values())
+        return [self.named_axis(given)]
+
+    def answer(self, answer: Callable[[Axis], Answer]) -> Act:
+        """Return a query whose first argument is an axis."""
+        return lambda given: answer(self.named_axis(given))
+
+    def command(self, act: Callable[[Axis, list[str]], object]) -> Act:
+        """Return a command whose first argument is an axis, or ALL."""
+
+        def command(given: list[str]) -> None:
+            for axis in self.named(given):
+                act(axis, given[1:])
+
+        return command
+
+    def act(self, act: Callable[[Axis], None]) -> Act:
+        """Return a command of an axis, or ALL, without more arguments."""
+        return self.command(lambda axis, _: act(axis))

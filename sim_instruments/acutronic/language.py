@@ -9,7 +9,7 @@ The numbers of the errors are not in the sources at hand: these are assumed, the
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -84,16 +84,14 @@ class Step(NamedTuple):
 
 
 class Language:
-    """Headers with what they do; `add("Demand:Rate?", …)`, a common command as `*IDN?`."""
+    """A table of headers such as `Demand:Rate?` and `*IDN?`; a final `?` makes one a query."""
 
-    def __init__(self) -> None:
+    def __init__(self, table: Mapping[str, Act]) -> None:
         self._acts: dict[tuple[str, ...], Act] = {}
+        for header, act in table.items():
+            asks = ("?",) if header.endswith("?") else ()
+            self._acts[(*header.removesuffix("?").upper().split(":"), *asks)] = act
         self._known: dict[str, list[Step]] = {}
-
-    def add(self, header: str, act: Act) -> None:
-        """Add a header; a final `?` makes it a query."""
-        asks = ("?",) if header.endswith("?") else ()
-        self._acts[(*header.removesuffix("?").upper().split(":"), *asks)] = act
 
     def steps(self, message: str) -> list[Step]:
         """Return the commands of a message; the same message is taken apart once."""

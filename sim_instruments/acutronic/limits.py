@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from sim_instruments.acutronic.axes import Axes
-from sim_instruments.acutronic.axis import MODES, Axis
+from sim_instruments.acutronic.axis import MODES, Axes, Axis
 from sim_instruments.acutronic.language import (
     OUT_OF_RANGE,
     AclError,
+    Act,
     Answer,
-    Language,
     argument,
     number,
     whole,
@@ -49,15 +48,17 @@ class Limits:
         self._form = truth.word("limits_by", FORMS, FORMS[0])
         self._absolutes = truth.integer("absolute_limits", 6, 7)
 
-    def add_to(self, language: Language) -> None:
-        """Add the commands."""
-        add = language.add
-        add("Limit", self._set_all)
-        add("Limit:Absolute?", self._axes.answer(self._absolute))
+    def commands(self) -> dict[str, Act]:
+        """Return the table of their commands."""
+        table: dict[str, Act] = {
+            "Limit": self._set_all,
+            "Limit:Absolute?": self._axes.answer(self._absolute),
+        }
         for names, moded in ((OF_A_MODE, True), (OF_EITHER, False)):
             for name, key in names.items():
-                add(f"Limit:{name}", partial(self._set_one, key, moded))
-                add(f"Limit:{name}?", partial(self._one, key, moded))
+                table[f"Limit:{name}"] = partial(self._set_one, key, moded)
+                table[f"Limit:{name}?"] = partial(self._one, key, moded)
+        return table
 
     def _set_all(self, given: list[str]) -> None:
         """Take axis, mode, rate, acceleration and jerk."""
@@ -105,7 +106,7 @@ class Limits:
         for mode in modes:
             setattr(axis.limits[mode], key, value)
 
-    def _absolute(self, axis: Axis, given: list[str]) -> Answer:
+    def _absolute(self, axis: Axis) -> Answer:
         """Return what the maker set: rate, acceleration, jerk, positions and trips."""
         rate, acceleration = self._table.largest_rate, self._table.largest_acceleration
         ends = [ended(axis.encoder.low_deg), ended(axis.encoder.high_deg)]

@@ -75,6 +75,10 @@ class Demands:
     acceleration: float = 0.0
     oscillator: tuple[float, ...] = (0.0, 0.0, 0.0)
 
+    def vector(self) -> tuple[float, ...]:
+        """Return the demands of position, rate and acceleration."""
+        return self.position, self.rate, self.acceleration
+
 
 @dataclass
 class Encoder:

@@ -30,7 +30,11 @@ from sim_instruments.wire.modbus import (
     Parameter,
     Registers,
     Words,
+    chosen,
     fixed,
+    number,
+    shown,
+    signed,
 )
 from station.clock import Clock
 
@@ -77,54 +81,53 @@ class WatlowF4(WatlowController):
         self._active = dict.fromkeys(range(1, len(INPUTS) + 1), self._wired)
         self._events = dict.fromkeys(range(1, EVENTS + 1), 0)
         self._set_point = self._low - 1
-        self._registers = Registers()
-        self._add_registers(int(setting.serial))
-        if truth.word("map", MAPS, "chamber") == "chamber":
-            self._add_chamber(setting.clock)
-        else:
-            self._add_f4p(MANUAL if truth.switch("manual") else AUTOMATIC)
+        own = (
+            self._of_chamber(setting.clock)
+            if truth.word("map", MAPS, "chamber") == "chamber"
+            else self._of_f4p(MANUAL if truth.switch("manual") else AUTOMATIC)
+        )
+        self._registers = Registers(self._table(int(setting.serial)) | own)
         self._server = ModbusRtuServer(setting, self._registers, UNIT)
         self._server.begin()
 
-    def _add_registers(self, serial: int) -> None:
+    def _table(self, serial: int) -> dict[int, Parameter]:
         first, last = divmod(serial, 1000)
         constants = {0: MODEL, 1: first, 2: last, 4: REVISION, 5: MADE, 101: 0}
         constants |= {606: DECIMALS, 608: 0, 901: CELSIUS}
-        add = self._registers.add
-        for address, value in constants.items():
-            add(address, fixed(value))
-        add(100, Parameter(lambda: signed(self._plant.process_degC() * PER_K)))
-        for number, address in enumerate(ALARMS, 1):
-            add(address, Parameter(partial(self._alarm, number)))
-        add(103, Parameter(lambda: signed(max(self._plant.output_percent(), 0.0) * 100)))
-        add(107, Parameter(lambda: signed(min(self._plant.output_percent(), 0.0) * 100)))
-        add(300, Parameter(lambda: signed(self._set_point), self._aim))
-        add(602, Parameter(lambda: signed(self._low), partial(self._limit, "_low")))
-        add(603, Parameter(lambda: signed(self._high), partial(self._limit, "_high")))
+        plant = self._plant
+        table = {address: fixed(value) for address, value in constants.items()} | {
+            100: shown(lambda: plant.process_degC() * PER_K),
+            103: shown(lambda: max(plant.output_percent(), 0.0) * 100),
+            107: shown(lambda: min(plant.output_percent(), 0.0) * 100),
+            300: Parameter(lambda: signed(self._set_point), self._aim),
+            602: Parameter(lambda: signed(self._low), partial(self._limit, "_low")),
+            603: Parameter(lambda: signed(self._high), partial(self._limit, "_high")),
+        }
+        for n, address in enumerate(ALARMS, 1):
+            table[address] = shown(partial(self._alarm, n))
         for n, address in enumerate(INPUTS, 1):
-            add(address, Parameter(partial(self._input, n)))
-            level = Parameter(partial(self._active_level, n), partial(self._set_active_level, n))
-            add(FIRST_ACTIVE_LEVEL + 2 * (n - 1), level)
+            table[address] = shown(partial(self._input, n))
+            active = partial(self._active.__getitem__, n), partial(self._active.__setitem__, n)
+            table[FIRST_ACTIVE_LEVEL + 2 * (n - 1)] = chosen((0, 1), *active)
         for n in self._events:
-            add(
-                2000 + 10 * (n - 1), Parameter(partial(self._event, n), partial(self._set_event, n))
-            )
+            event = partial(self._events.__getitem__, n), partial(self._set_event, n)
+            table[2000 + 10 * (n - 1)] = chosen((0, 1), *event)
+        return table
 
-    def _add_chamber(self, clock: Clock) -> None:
-        """Add the clock of a chamber's F4, and its profiles, of which none runs."""
-        add = self._registers.add
-        for n, field in enumerate(CLOCK):
-            add(1916 + n, Parameter(partial(time_of, clock, field)))
-        add(200, fixed(0))
-        add(1217, Parameter(lambda: (0,), self._terminate))
-        for profile in range(PROFILES):
-            add(3500 + 10 * profile, fixed(*b" " * 10))
+    @staticmethod
+    def _of_chamber(clock: Clock) -> dict[int, Parameter]:
+        """Return the clock of a chamber's F4, and its profiles, of which none runs."""
+        return {
+            **{1916 + n: shown(partial(time_of, clock, field)) for n, field in enumerate(CLOCK)},
+            200: fixed(0),
+            1217: chosen((1,), lambda: 0, lambda _: None),
+            **{3500 + 10 * profile: fixed(*b" " * 10) for profile in range(PROFILES)},
+        }
 
-    def _add_f4p(self, control: int) -> None:
-        """Add an F4P's slidewire and state of its control; it has no profiles to terminate."""
-        for n in range(len(CLOCK)):
-            self._registers.add(1916 + n, fixed(0))
-        self._registers.add(200, fixed(control))
+    @staticmethod
+    def _of_f4p(control: int) -> dict[int, Parameter]:
+        """Return an F4P's slidewire and state of its control; it has no profiles to terminate."""
+        return {**{1916 + n: fixed(0) for n in range(len(CLOCK))}, 200: fixed(control)}
 
     def _aim(self, words: Words) -> None:
         value = number(words[0])
@@ -151,45 +154,18 @@ class WatlowF4(WatlowController):
         allowed = not self._chamber_event or self._events[self._chamber_event] == 1
         self._plant.control(on and allowed)
 
-    def _event(self, event: int) -> Words:
-        return (self._events[event],)
-
-    def _set_event(self, event: int, words: Words) -> None:
-        if words[0] not in (0, 1):
-            raise ModbusError(ILLEGAL_VALUE)
-        self._events[event] = words[0]
+    def _set_event(self, event: int, state: int) -> None:
+        self._events[event] = state
         self._follow()
 
-    def _input(self, n: int) -> Words:
+    def _input(self, n: int) -> int:
         on = n == self._door_input and not self._plant.door_is_open()
-        return (self._wired if on else 1 - self._wired,)
+        return self._wired if on else 1 - self._wired
 
-    def _active_level(self, n: int) -> Words:
-        return (self._active[n],)
-
-    def _set_active_level(self, n: int, words: Words) -> None:
-        if words[0] not in (0, 1):
-            raise ModbusError(ILLEGAL_VALUE)
-        self._active[n] = words[0]
-
-    def _terminate(self, words: Words) -> None:
-        if words[0] != 1:
-            raise ModbusError(ILLEGAL_VALUE)
-
-    def _alarm(self, alarm: int) -> Words:
-        return (2 if self._plant.alarm_is_on(alarm) else 0,)
+    def _alarm(self, alarm: int) -> int:
+        return 2 if self._plant.alarm_is_on(alarm) else 0
 
 
-def time_of(clock: Clock, field: str) -> Words:
+def time_of(clock: Clock, field: str) -> int:
     """Return one field of the date and time that a controller's clock shows."""
-    return (getattr(BEGAN + timedelta(seconds=clock.now()), field),)
-
-
-def signed(value: float) -> Words:
-    """Return a signed number as a register."""
-    return (round(value) & 0xFFFF,)
-
-
-def number(word: int) -> int:
-    """Return a register as a signed number."""
-    return word - 0x10000 if word & 0x8000 else word
+    return int(getattr(BEGAN + timedelta(seconds=clock.now()), field))

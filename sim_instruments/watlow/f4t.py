@@ -13,8 +13,9 @@ kept.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from itertools import product
 
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
@@ -28,13 +29,16 @@ from sim_instruments.wire.modbus import (
     Parameter,
     Registers,
     Words,
+    chosen,
     fixed,
+    shown,
 )
 
 UNIT = 1
 HARDWARE_ID, RELEASE, BUILD = 124, 5, 1203
 PART_NUMBER = "F4T1L1EAA1D1AAA"
 OFF, ON, AUTO = 62, 63, 10
+STATES = (OFF, ON)
 CELSIUS, NONE, OK, SAFE = 15, 61, 138, 1667
 ALARM_HIGH, NOT_STARTED, TERMINATE = 7, 251, 148
 RAMP_STARTUP, RAMP_SET_POINT, RAMP_BOTH = 88, 85, 13
@@ -80,70 +84,76 @@ class WatlowF4T(WatlowController):
         for key, states in (("outputs", self._uses), ("inputs", self._inputs)):
             for name in truth.raw(key) or {}:
                 states[str(name)] = truth.section(key).text(name)
-        self._events = dict.fromkeys(range(1, len(EVENTS) + 1), False)
+        self._events = dict.fromkeys(range(1, len(EVENTS) + 1), OFF)
         given = truth.raw("events") if "events" in truth else {}
         self._switched_by = {int(n): str(name) for n, name in given.items()}
-        self._registers = Registers()
-        self._add_identity()
-        self._add_loop()
-        self._add_states(truth.integer("alarms", 0), truth.raw("limit_modules"))
+        table = self._table(truth.integer("alarms", 0), truth.raw("limit_modules"))
+        self._registers = Registers(table)
         self._server = ModbusTcpServer(setting, self._registers, UNIT)
         self._server.begin()
 
     # The registers.
 
-    def _add_identity(self) -> None:
-        for address, number in ((0, HARDWARE_ID), (4, RELEASE), (8, BUILD), (12, self._serial)):
-            self._registers.add(address, fixed(*self._ordered(struct.pack(">i", number))))
-        for address, text, size in ((16, PART_NUMBER, 15), (46, "F4T", 20)):
-            self._registers.add(address, fixed(*text.ljust(size, "\0").encode("ascii")))
-        for address in (1328, 6730):
-            self._registers.add(address, fixed(CELSIUS))
+    def _table(self, alarms: int, limit_modules: list[int]) -> dict[int, Parameter]:
+        text, long, floating, plant = self._text, self._long, self._float, self._plant
+        table = {
+            0: long(HARDWARE_ID),
+            4: long(RELEASE),
+            8: long(BUILD),
+            12: long(self._serial),
+            16: text(PART_NUMBER, 15),
+            46: text("F4T", 20),
+            1328: fixed(CELSIUS),
+            6730: fixed(CELSIUS),
+            2730: chosen((OFF, AUTO), lambda: self._mode, self._set_mode),
+            2774: floating(lambda: self._low_degC, partial(self._limit, "_low_degC")),
+            2776: floating(lambda: self._high_degC, partial(self._limit, "_high_degC")),
+            2782: floating(lambda: self._set_point.target_degC, self._aim),
+            2784: floating(lambda: self._manual_percent, self._set_manual),
+            2794: chosen(RAMPS, lambda: self._ramp_action, self._set_action),
+            2796: chosen(SCALES_S, lambda: self._ramp_scale, self._set_scale),
+            2798: floating(lambda: self._ramp_rate, self._set_rate),
+            2808: floating(plant.output_percent),
+            2810: floating(self._set_point.now_degC),
+            2814: shown(lambda: self._mode),
+            2820: floating(plant.process_degC),
+            27586: floating(plant.process_degC),
+            16566: chosen((TERMINATE,), lambda: NONE, lambda _: None),
+            16568: fixed(NOT_STARTED),
+        }
         for n, field in enumerate(CLOCK):
-            self._registers.add(14664 + 2 * n, Parameter(partial(time_of, self._clock, field)))
-
-    def _add_loop(self) -> None:
-        self._float(2774, lambda: self._low_degC, partial(self._limit, "_low_degC"))
-        self._float(2776, lambda: self._high_degC, partial(self._limit, "_high_degC"))
-        self._float(2782, lambda: self._set_point.target_degC, self._aim)
-        self._float(2784, lambda: self._manual_percent, self._set_manual)
-        self._float(2798, lambda: self._ramp_rate, self._set_rate)
-        self._float(2808, self._plant.output_percent)
-        self._float(2810, self._set_point.now_degC)
-        for address in (2820, 27586):
-            self._float(address, self._plant.process_degC)
-        self._registers.add(2730, Parameter(lambda: (self._mode,), self._set_mode))
-        self._registers.add(2794, Parameter(lambda: (self._ramp_action,), self._set_action))
-        self._registers.add(2796, Parameter(lambda: (self._ramp_scale,), self._set_scale))
-        self._registers.add(2814, Parameter(lambda: (self._mode,)))
-
-    def _add_states(self, alarms: int, limit_modules: list[int]) -> None:
-        add = self._registers.add
+            table[14664 + 2 * n] = shown(partial(time_of, self._clock, field))
         for n in range(1, alarms + 1):
-            add(1356 + 100 * (n - 1), Parameter(partial(self._alarm, n)))
+            table[1356 + 100 * (n - 1)] = shown(partial(self._alarm, n))
         for module in limit_modules:
             for address, well in LIMIT_REGISTERS.items():
-                add(address + 60 * (module - 1), fixed(well))
-        add(16566, Parameter(lambda: (NONE,), terminate))
-        add(16568, fixed(NOT_STARTED))
+                table[address + 60 * (module - 1)] = fixed(well)
         for n, address in enumerate(EVENTS, 1):
-            add(address, Parameter(partial(self._event, n), partial(self._set_event, n)))
-        for module in range(1, MOST + 1):
-            for number in range(1, MOST + 1):
-                name = f"{module}.{number}"
-                at = FIRST_IO + PER_MODULE * (module - 1) + PER_IO * (number - 1)
-                add(at, Parameter(partial(self._state, name), partial(self._switch, name)))
+            event = partial(self._events.__getitem__, n), partial(self._set_event, n)
+            table[address] = chosen(STATES, *event)
+        for module, number in product(range(1, MOST + 1), repeat=2):
+            name = f"{module}.{number}"
+            at = FIRST_IO + PER_MODULE * (module - 1) + PER_IO * (number - 1)
+            table[at] = Parameter(partial(self._state, name), partial(self._switch, name))
+        return table
 
-    def _float(self, address: int, give: Any, take: Any = None) -> None:
+    @staticmethod
+    def _text(text: str, size: int) -> Parameter:
+        return fixed(*text.ljust(size, "\0").encode("ascii"))
+
+    def _long(self, number: int) -> Parameter:
+        return fixed(*self._ordered(struct.pack(">i", number)))
+
+    def _float(
+        self, give: Callable[[], float], take: Callable[[float], None] | None = None
+    ) -> Parameter:
         def taken(words: Words) -> None:
             high, low = reversed(words) if self._low_first else words
-            take(struct.unpack(">f", struct.pack(">HH", high, low))[0])
+            if take is not None:
+                take(struct.unpack(">f", struct.pack(">HH", high, low))[0])
 
-        self._registers.add(
-            address,
-            Parameter(
-                lambda: self._ordered(struct.pack(">f", give())), taken if take else None, size=2
-            ),
+        return Parameter(
+            lambda: self._ordered(struct.pack(">f", give())), taken if take else None, size=2
         )
 
     def _ordered(self, data: bytes) -> tuple[int, int]:
@@ -181,13 +191,13 @@ class WatlowF4T(WatlowController):
             raise ModbusError(ILLEGAL_VALUE)
         self._manual_percent = percent
 
-    def _set_scale(self, words: Words) -> None:
-        self._ramp_scale = one_of(tuple(SCALES_S), words)
+    def _set_scale(self, scale: int) -> None:
+        self._ramp_scale = scale
         self._go_on()
 
-    def _set_action(self, words: Words) -> None:
-        self._ramp_action = one_of(RAMPS, words)
-        if self._ramp_action == OFF:
+    def _set_action(self, action: int) -> None:
+        self._ramp_action = action
+        if action == OFF:
             self._set_point.jump(self._set_point.target_degC)
 
     def _go_on(self) -> None:
@@ -196,16 +206,16 @@ class WatlowF4T(WatlowController):
         if self._ramp_action != OFF and here_degC != target_degC:
             self._ramp(target_degC, here_degC)
 
-    def _set_mode(self, words: Words) -> None:
-        before, self._mode = self._mode, one_of((OFF, AUTO), words)
-        if before == OFF and self._mode == AUTO and self._ramp_action in (RAMP_STARTUP, RAMP_BOTH):
+    def _set_mode(self, mode: int) -> None:
+        before, self._mode = self._mode, mode
+        if before == OFF and mode == AUTO and self._ramp_action in (RAMP_STARTUP, RAMP_BOTH):
             self._ramp(self._set_point.target_degC, self._plant.process_degC())
-        self._plant.control(self._mode == AUTO)
+        self._plant.control(mode == AUTO)
 
     # States, inputs and outputs.
 
-    def _alarm(self, number: int) -> Words:
-        return (ALARM_HIGH if self._plant.alarm_is_on(number) else NONE,)
+    def _alarm(self, number: int) -> int:
+        return ALARM_HIGH if self._plant.alarm_is_on(number) else NONE
 
     def _state(self, name: str) -> Words:
         if name in self._inputs:
@@ -219,27 +229,14 @@ class WatlowF4T(WatlowController):
     def _switch(self, name: str, words: Words) -> None:
         if name not in self._uses:
             raise ModbusError(ILLEGAL_VALUE if name in self._inputs else DEVICE_FAILURE)
-        on = one_of((OFF, ON), words) == ON
+        if words[0] not in STATES:
+            raise ModbusError(ILLEGAL_VALUE)
+        on = words[0] == ON
         self._outputs[name] = on
         if self._uses[name] == SWITCHES_DUT:
             self._world.power(self._clock.now(), on)
 
-    def _event(self, number: int) -> Words:
-        return (ON if self._events[number] else OFF,)
-
-    def _set_event(self, number: int, words: Words) -> None:
-        self._events[number] = one_of((OFF, ON), words) == ON
+    def _set_event(self, number: int, state: int) -> None:
+        self._events[number] = state
         if number in self._switched_by:
-            self._switch(self._switched_by[number], words)
-
-
-def one_of(known: tuple[int, ...], words: Words) -> int:
-    """Return the one word that was written; ModbusError where it is not one of those known."""
-    if words[0] not in known:
-        raise ModbusError(ILLEGAL_VALUE)
-    return words[0]
-
-
-def terminate(words: Words) -> None:
-    """Terminate the profile that runs, and none does."""
-    one_of((TERMINATE,), words)
+            self._switch(self._switched_by[number], (state,))

@@ -8,7 +8,7 @@ drivers use.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sim_instruments.faults.instrument import InstrumentFaults, LineTap
@@ -47,12 +47,32 @@ def fixed(*words: int) -> Parameter:
     return Parameter(lambda: words, size=len(words))
 
 
+def shown(give: Callable[[], float]) -> Parameter:
+    """Return a signed number in one register that can only be read."""
+    return Parameter(lambda: signed(give()))
+
+
+def chosen(
+    known: Collection[int], give: Callable[[], int], take: Callable[[int], object]
+) -> Parameter:
+    """Return a word that can be one of several, refused as an illegal value otherwise."""
+
+    def taken(words: Words) -> None:
+        if words[0] not in known:
+            raise ModbusError(ILLEGAL_VALUE)
+        take(words[0])
+
+    return Parameter(lambda: (give(),), taken)
+
+
 class Registers:
     """The parameters of a device by the address of their first register."""
 
-    def __init__(self) -> None:
+    def __init__(self, table: Mapping[int, Parameter]) -> None:
         self._parameters: dict[int, Parameter] = {}
         self._owners: dict[int, int] = {}
+        for address, parameter in table.items():
+            self.add(address, parameter)
 
     def add(self, address: int, parameter: Parameter) -> None:
         """Put a parameter at an address; what lies between parameters reads as zero beside them."""
@@ -150,6 +170,16 @@ class ModbusServer(RequestServer):
             at_once=True,
         )
         self._registers = registers
+
+
+def signed(value: float) -> Words:
+    """Return a signed number as a register."""
+    return (round(value) & 0xFFFF,)
+
+
+def number(word: int) -> int:
+    """Return a register as a signed number."""
+    return word - 0x10000 if word & 0x8000 else word
 
 
 def unpacked(form: str, data: bytes) -> tuple[int, ...]:

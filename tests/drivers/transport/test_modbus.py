@@ -94,9 +94,7 @@ def test_a_header_that_is_none_ends_the_connection() -> None:
 
 def test_nothing_is_written_where_a_part_cannot_be() -> None:
     kept = []
-    registers = Registers()
-    registers.add(10, Parameter(lambda: (1,), kept.append))
-    registers.add(11, fixed(5))
+    registers = Registers({10: Parameter(lambda: (1,), kept.append), 11: fixed(5)})
     assert registers.answer(struct.pack(">BHHBHH", 16, 10, 2, 4, 7, 8)) == bytes([0x90, 2])
     assert kept == []
     assert registers.answer(struct.pack(">BHHBH", 16, 10, 1, 2, 7)) == struct.pack(

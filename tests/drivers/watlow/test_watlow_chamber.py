@@ -230,7 +230,8 @@ def test_a_broken_sensor_keeps_nobody_from_rest(model: str) -> None:
     with opened(model) as (fixture, driver):
         driver.switch_on()
         if model == "f4t":
-            fixture.simulator._float(2820, lambda: float("nan"))
+            broken = fixture.simulator._float(lambda: float("nan"))
+            fixture.simulator._registers.add(2820, broken)
         else:
             fixture.simulator._registers.add(100, Parameter(lambda: (0x7FFF,)))
         assert "look at the controller's panel, and at the sensor" in error_of(
