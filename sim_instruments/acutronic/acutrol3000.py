@@ -77,12 +77,12 @@ class Acutrol3000(LineInstrument):
         self._answers = Answers(truth)
         self._mode_home = truth.word("mode_home", HOMES, HOMES[0])
         self._identity = f"Acutronic R&D USA,Acutrol3000,{setting.serial},{FIRMWARE}"
-        table, world = TableData.read(truth), setting.world.find(Table)
+        table, world = TableData(truth), setting.world.find(Table)
         self.axes = Axes()
         for n in range(1, 4):
             if f"axis_{n}" not in truth:
                 break
-            encoder = Encoder.read(truth.section(f"axis_{n}"))
+            encoder = Encoder(truth.section(f"axis_{n}"))
             rotation = world.axis(n) if world is not None else None
             # One after another, so that an axis that is added changes no other's noise.
             rng = generator(int(setting.rng.integers(2**32)), f"axis {n}")

@@ -142,10 +142,7 @@ class Axis:
 
     def close(self) -> None:
         """Close the servo, which takes a moment; the axis then holds where it is, mode off."""
-        if self.contacts_open:
-            raise AclError(INTERLOCK_OPEN)
-        if self._frozen is not None:
-            raise AclError(STATUS_FROZEN)
+        self._unlocked()
         if math.isinf(self._servoed_s):
             self._servoed_s = self._now() + CLOSES_IN_S
             self.mode = "OFF"
@@ -247,11 +244,14 @@ class Axis:
             return -math.inf, math.inf
         return self.limits[mode].low_deg, self.limits[mode].high_deg
 
-    def _ready(self) -> None:
+    def _unlocked(self) -> None:
         if self.contacts_open:
             raise AclError(INTERLOCK_OPEN)
         if self._frozen is not None:
             raise AclError(STATUS_FROZEN)
+
+    def _ready(self) -> None:
+        self._unlocked()
         if not self.servoed():
             raise AclError(NOT_SERVOED)
 

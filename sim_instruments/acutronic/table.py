@@ -14,7 +14,6 @@ TRIP_ABOVE = 1.2
 """The largest velocity trip, in the axis' largest rate."""
 
 
-@dataclass(frozen=True)
 class TableData:
     """What the axes of a table have in common; truth of the bench file.
 
@@ -24,34 +23,18 @@ class TableData:
     in which a tracking fault is reported: 2, or 12 before build 1848.
     """
 
-    largest_rate: float
-    largest_acceleration: float
-    rate_error: float
-    rate_noise: float
-    encoder_noise_deg: float
-    resolution_deg: float
-    delay_s: float
-    settling_s: float
-    tracking_error: int
-
-    @classmethod
-    def read(cls, truth: Truth) -> TableData:
-        """Read the truth; SimulationError where something is missing or impossible."""
-        table = cls(
-            truth.quantity("maximum_rate", "deg/s"),
-            truth.quantity("maximum_acceleration", "deg/s^2"),
-            truth.quantity("rate_error", "1"),
-            truth.quantity("rate_noise", "deg/s"),
-            truth.quantity("encoder_noise", "deg"),
-            truth.quantity("resolution", "deg"),
-            truth.quantity("tracking_delay", "s"),
-            truth.quantity("settling", "s"),
-            1 << truth.integer("tracking_bit", 2, 2),
-        )
-        positive = (table.largest_rate, table.largest_acceleration, table.resolution_deg)
-        if min(positive) <= 0 or min(table.delay_s, table.settling_s) < 0:
-            raise SimulationError(f"{truth.where}: rates, resolution and times must be positive")
-        return table
+    def __init__(self, truth: Truth) -> None:
+        self.largest_rate = truth.positive("maximum_rate", "deg/s")
+        self.largest_acceleration = truth.positive("maximum_acceleration", "deg/s^2")
+        self.rate_error = truth.quantity("rate_error", "1")
+        self.rate_noise = truth.quantity("rate_noise", "deg/s")
+        self.encoder_noise_deg = truth.quantity("encoder_noise", "deg")
+        self.resolution_deg = truth.positive("resolution", "deg")
+        self.delay_s = truth.quantity("tracking_delay", "s")
+        self.settling_s = truth.quantity("settling", "s")
+        self.tracking_error = 1 << truth.integer("tracking_bit", 2, 2)
+        if min(self.delay_s, self.settling_s) < 0:
+            raise SimulationError(f"{truth.where}: times must not be negative")
 
 
 @dataclass
@@ -80,7 +63,6 @@ class Demands:
         return self.position, self.rate, self.acceleration
 
 
-@dataclass
 class Encoder:
     """Offset, one sine a turn, and the range of an axis that does not turn for ever.
 
@@ -89,28 +71,16 @@ class Encoder:
     its zero is found; `low` and `high` for an axis with end stops.
     """
 
-    offset_deg: float
-    sine_deg: float
-    phase_rad: float
-    start_deg: float
-    referenced: bool
-    low_deg: float
-    high_deg: float
-    lost_deg: float = 0.0
-
-    @classmethod
-    def read(cls, truth: Truth) -> Encoder:
-        """Read the truth of one axis."""
+    def __init__(self, truth: Truth) -> None:
+        self.offset_deg = truth.quantity("encoder_offset", "deg")
+        self.sine_deg = truth.quantity("encoder_sine", "deg")
+        self.phase_rad = math.radians(truth.quantity("encoder_phase", "deg"))
+        self.start_deg = truth.quantity("angle_at_start", "deg")
+        self.referenced = not truth.switch("unreferenced")
         ends = "low" in truth or "high" in truth
-        return cls(
-            truth.quantity("encoder_offset", "deg"),
-            truth.quantity("encoder_sine", "deg"),
-            math.radians(truth.quantity("encoder_phase", "deg")),
-            truth.quantity("angle_at_start", "deg"),
-            not truth.switch("unreferenced"),
-            truth.quantity("low", "deg") if ends else -math.inf,
-            truth.quantity("high", "deg") if ends else math.inf,
-        )
+        self.low_deg = truth.quantity("low", "deg") if ends else -math.inf
+        self.high_deg = truth.quantity("high", "deg") if ends else math.inf
+        self.lost_deg = 0.0
 
     @property
     def continuous(self) -> bool:

@@ -7,6 +7,7 @@ byte comes first. Written from that layout alone, with a checksum of its own.
 from __future__ import annotations
 
 import struct
+from functools import partial
 from typing import ClassVar
 
 from sim_instruments.generic.navigator_model import (
@@ -22,7 +23,7 @@ from sim_instruments.generic.navigator_model import (
     Output,
 )
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.frames import Arrived, FrameInstrument, crc32
+from sim_instruments.wire.frames import CRC_BYTES, UNKNOWN, FrameInstrument, frames_in, with_crc
 
 SYNC = bytes((0x9A, 0x65))
 COMMAND, OUTPUT, ACK, STATUS, IDENTITY = 0x10, 0x90, 0x91, 0x92, 0x93
@@ -34,41 +35,30 @@ NAMES = {
     IDENTITY: "identity",
 }
 COMMANDS = {START: "start", STOP: "stop", IDENTIFY: "identify", REPORT: "report", ALIGN: "align"}
-HEAD_BYTES, CRC_BYTES, COMMAND_BYTES = 4, 4, 7
+HEAD_BYTES, COMMAND_BYTES = 4, 7
 MAX_PAYLOAD = 32
 ANGLE_STEPS = 1e7  # per deg
 
 
 def frame_of(kind: int, payload: bytes) -> bytes:
     """Return a whole frame."""
-    data = SYNC + bytes((kind, len(payload))) + payload
-    return data + crc32(data).to_bytes(CRC_BYTES, "big")
+    return with_crc(SYNC + bytes((kind, len(payload))) + payload)
 
 
-def commands_in(pending: bytes) -> Arrived:
-    """Return the commands that bytes hold; what has a wrong checksum is passed over."""
-    frames: list[tuple[str, bytes]] = []
-    while True:
-        begin = pending.find(SYNC)
-        if begin < 0:
-            return Arrived(frames, pending[-1:] if pending.endswith(SYNC[:1]) else b"")
-        pending = pending[begin:]
-        if len(pending) < HEAD_BYTES:
-            return Arrived(frames, pending)
-        end = HEAD_BYTES + pending[3] + CRC_BYTES
-        if pending[3] > MAX_PAYLOAD:  # waited for, it would swallow what follows
-            pending = pending[1:]
-            continue
-        if len(pending) < end:
-            return Arrived(frames, pending)
-        whole = pending[: end - CRC_BYTES]
-        if crc32(whole) != int.from_bytes(pending[end - CRC_BYTES : end], "big"):
-            pending = pending[1:]
-            continue
-        pending = pending[end:]
-        if whole[2] == COMMAND:
-            command = COMMANDS.get(whole[HEAD_BYTES] if len(whole) > HEAD_BYTES else 0, "unknown")
-            frames.append((f"{NAMES[COMMAND]} {command}", whole[HEAD_BYTES:]))
+def size_of(pending: bytes) -> int:
+    """Return how long the frame is that begins here."""
+    if len(pending) < HEAD_BYTES:
+        return UNKNOWN
+    # Waited for, a longer one would swallow what follows.
+    return HEAD_BYTES + pending[3] + CRC_BYTES if pending[3] <= MAX_PAYLOAD else 0
+
+
+def named(frame: bytes) -> list[tuple[str, bytes]]:
+    """Return the payload of a frame with the name of its command, where it is one."""
+    if frame[2] != COMMAND:
+        return []
+    payload = frame[HEAD_BYTES:]
+    return [(f"{NAMES[COMMAND]} {COMMANDS.get(payload[0] if payload else 0, 'unknown')}", payload)]
 
 
 class SerialNavigator(FrameInstrument):
@@ -83,6 +73,7 @@ class SerialNavigator(FrameInstrument):
 
     def __init__(self, setting: Setting) -> None:
         self._model = NavigatorModel(setting, self._send_output)
+        commands_in = partial(frames_in, sync=SYNC, size_of=size_of, named=named)
         self.begin_to_serve(setting, commands_in, self._model)
 
     def _received(self, payload: bytes) -> None:

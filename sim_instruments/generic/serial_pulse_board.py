@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from functools import partial
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -31,12 +32,12 @@ from sim_instruments.generic.pulse_board_model import (
 )
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.wire.frames import Arrived, FrameInstrument, crc32
+from sim_instruments.wire.frames import CRC_BYTES, FrameInstrument, frames_in, with_crc
 
 COMMAND, OUTPUT, ACK, STATUS, IDENTITY = 0x60, 0x94, 0x61, 0x62, 0x63
 NAMES = {OUTPUT: "output", ACK: "acknowledgement", STATUS: "status", IDENTITY: "identity"}
 COMMANDS = {START: "start", STOP: "stop", IDENTIFY: "identify", REPORT_STATUS: "status"}
-COMMAND_BYTES, CRC_BYTES = 8, 4
+COMMAND_BYTES = 8
 COUNTS_MODULUS = 1 << 24
 TEMPERATURE_STEPS, LARGEST_TEMPERATURE = 256.0, 32767  # per degC
 SHOWN_PER_DEGC = 100.0
@@ -47,27 +48,12 @@ LARGEST_LATENCY = 0xFFFF  # us
 
 def datagram(kind: int, payload: bytes) -> bytes:
     """Return a whole datagram."""
-    data = bytes((kind,)) + payload
-    return data + crc32(data).to_bytes(CRC_BYTES, "big")
+    return with_crc(bytes((kind,)) + payload)
 
 
-def commands_in(pending: bytes) -> Arrived:
-    """Return the commands that bytes hold; what has a wrong checksum is passed over."""
-    frames: list[tuple[str, bytes]] = []
-    whole = 1 + COMMAND_BYTES + CRC_BYTES
-    while True:
-        begin = pending.find(bytes((COMMAND,)))
-        if begin < 0:
-            return Arrived(frames, b"")
-        pending = pending[begin:]
-        if len(pending) < whole:
-            return Arrived(frames, pending)
-        data, checksum = pending[: whole - CRC_BYTES], pending[whole - CRC_BYTES : whole]
-        if crc32(data) != int.from_bytes(checksum, "big"):
-            pending = pending[1:]
-            continue
-        frames.append((f"command {COMMANDS.get(data[1], 'unknown')}", data[1:]))
-        pending = pending[whole:]
+def named(frame: bytes) -> list[tuple[str, bytes]]:
+    """Return the payload of a datagram with the name of its command."""
+    return [(f"command {COMMANDS.get(frame[1], 'unknown')}", frame[1:])]
 
 
 class SerialPulseBoard(FrameInstrument):
@@ -87,6 +73,10 @@ class SerialPulseBoard(FrameInstrument):
             raise SimulationError(f"{setting.truth.where}.latency: 0 s to {MAX_LATENCY_S:g} s")
         self._clock = setting.clock
         self._board = PulseBoardModel(setting, self._outputs, latency_s, BATCH_S)
+        size = 1 + COMMAND_BYTES + CRC_BYTES
+        commands_in = partial(
+            frames_in, sync=bytes((COMMAND,)), size_of=lambda _: size, named=named
+        )
         self.begin_to_serve(setting, commands_in, self._board)
 
     def _received(self, payload: bytes) -> None:

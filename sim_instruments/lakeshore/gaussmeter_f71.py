@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,12 +47,11 @@ KEPT: KeptTable = {"SENSe:TCOMpensation:TSOURce": (word("PROBE", "MTEMP", "NONE"
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-class FinishedReadings:
+class FinishedReadings(NamedTuple):
     """Finished readings: the instrument's tick at the end of each, and x y z in T."""
 
-    def __init__(self, ticks: npt.NDArray[np.int64], field_T: Array) -> None:
-        self.ticks = ticks
-        self.field_T = field_T
+    ticks: npt.NDArray[np.int64]
+    field_T: Array
 
 
 class LakeshoreF71(ScpiDevice):

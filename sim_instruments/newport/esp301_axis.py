@@ -142,8 +142,7 @@ class Axis:
             self._trip(3, time_s)
         if self._homed_s is not None and now_s >= self._homed_s:
             time_s, self._homed_s = self._homed_s, None
-            at = np.array([time_s])
-            if abs(self._rotation.angle_deg(at)[0] - self._plan.angle_deg(at)[0]) > 1e-6:
+            if abs(self._rotation.now_at(time_s)[0] - self._plan.now_at(time_s)[0]) > 1e-6:
                 self.fail(20, time_s)  # the switch never came
             else:
                 self._zero_deg, self._lost_deg = self._offset_deg + self.home_deg, 0.0
@@ -154,7 +153,7 @@ class Axis:
 
     def position_deg(self) -> float:
         """Return what the encoder reads."""
-        true_deg = float(self._rotation.angle_deg(np.array([self._now()]))[0])
+        true_deg = self._rotation.now_at(self._now())[0]
         jump = self._faults.now(EncoderJump.kind)
         jump_deg = jump.angle_deg if isinstance(jump, EncoderJump) else 0.0
         noise_deg = self._noise_deg * float(self._rng.standard_normal())
@@ -164,11 +163,11 @@ class Axis:
 
     def desired_deg(self) -> float:
         """Return where the trajectory is."""
-        return float(self._plan.angle_deg(np.array([self._now()]))[0]) + self._zero_deg
+        return self._plan.now_at(self._now())[0] + self._zero_deg
 
     def velocity_deg_per_s(self) -> float:
         """Return how fast the axis turns."""
-        return float(self._rotation.rate_deg_per_s(np.array([self._now()]))[0])
+        return self._rotation.now_at(self._now())[1]
 
     def is_done(self) -> bool:
         """Return whether the last movement is over and settled."""
@@ -222,7 +221,7 @@ class Axis:
         now_s = self._now()
         index_deg = -self._offset_deg
         # Found by switch and index, wherever the counter thinks that it is.
-        true_deg = float(self._rotation.angle_deg(np.array([now_s]))[0])
+        true_deg = self._rotation.now_at(now_s)[0]
         self._plan.put(now_s, true_deg)
         self._lost_deg = 0.0
         side = SWITCH_DEG if true_deg >= index_deg else -SWITCH_DEG
@@ -276,8 +275,8 @@ class Axis:
         if fault is not None:
             self._rotation.halt(time_s)
             return
-        at, end = np.array([time_s]), np.array([max(time_s, self._plan.at_rest_from_s)])
-        self._lost_deg = float(self._rotation.angle_deg(at)[0] - self._plan.angle_deg(end)[0])
+        end_s = max(time_s, self._plan.at_rest_from_s)
+        self._lost_deg = self._rotation.now_at(time_s)[0] - self._plan.now_at(end_s)[0]
 
     def _emergency(self, time_s: float, fault: LastingFault | None) -> None:
         if fault is None:

@@ -30,6 +30,43 @@ class Arrived(NamedTuple):
     rest: bytes
 
 
+CRC_BYTES = 4
+UNKNOWN = 1 << 30
+"""The size of a frame of which more must come to know it."""
+
+
+def with_crc(data: bytes) -> bytes:
+    """Return a frame with its checksum behind it."""
+    return data + crc32(data).to_bytes(CRC_BYTES, "big")
+
+
+def frames_in(
+    pending: bytes,
+    sync: bytes,
+    size_of: Callable[[bytes], int],
+    named: Callable[[bytes], list[tuple[str, bytes]]],
+) -> Arrived:
+    """Return the frames that bytes hold; what has a wrong checksum is passed over.
+
+    Each begins with `sync` and ends with a checksum. `size_of` says how long one is that begins
+    here: UNKNOWN where more must come to know it, 0 where none can be; `named` makes the
+    frames of its bytes without the checksum, or none.
+    """
+    frames: list[tuple[str, bytes]] = []
+    while (begin := pending.find(sync)) >= 0:
+        pending = pending[begin:]
+        size = size_of(pending)
+        if len(pending) < size:
+            return Arrived(frames, pending)
+        data, checksum = pending[: size - CRC_BYTES], pending[size - CRC_BYTES : size]
+        if not size or checksum != crc32(data).to_bytes(CRC_BYTES, "big"):
+            pending = pending[1:]
+            continue
+        pending = pending[size:]
+        frames += named(data)
+    return Arrived(frames, pending[-1:] if pending.endswith(sync[:1]) else b"")
+
+
 class FrameStreamServer(TcpServer):
     """Carry frames between one client and one instrument; a new client takes the line over.
 

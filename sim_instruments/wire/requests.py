@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from threading import Event
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from sim_instruments.faults.instrument import InstrumentFaults, LineTap
 from sim_instruments.faults.lasting import Chatter, LastingFault
@@ -212,14 +212,12 @@ class LineServer(RequestServer):
         faults: InstrumentFaults | None = None,
         *,
         end: bytes = b"\n",
-        at_once: bool = False,
         longest: int = MAX_LINE,
         too_long: Callable[[], bytes] = bytes,
         blocks: bool = False,
-        busy_s: float = 0.0,
+        **options: Any,
     ) -> None:
-        tap = LineTap(faults)
-        super().__init__(name, port, clock, lock, tap, faults, at_once=at_once, busy_s=busy_s)
+        super().__init__(name, port, clock, lock, LineTap(faults), faults, **options)
         self._end = end
         self._execute = execute
         self._longest, self._too_long, self._blocks = longest, too_long, blocks
