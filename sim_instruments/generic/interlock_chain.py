@@ -30,8 +30,12 @@ class InterlockChain(ScpiDevice):
         self._faults = setting.faults
         self._by_hand = setting.world.find(HandContacts) or HandContacts()
         self._bridged = setting.truth.text("bridged", "")
-        self.tree.add("CHAIN?", self._answer(lambda: "OPEN" if self._open() else "CLOSED"))
-        self.tree.add("CHAIN:LIST?", self._answer(lambda: ",".join(self._open()) or "NONE"))
+        self.add_commands(
+            {
+                "CHAIN?": lambda: "OPEN" if self._open() else "CLOSED",
+                "CHAIN:LIST?": lambda: ",".join(self._open()) or "NONE",
+            }
+        )
         self.begin_to_serve(setting)
 
     def _open(self) -> list[str]:

@@ -145,45 +145,44 @@ class KeysightE36312A(ScpiDevice):
         level, dc = "[:LEVel][:IMMediate][:AMPlitude]", "MEASure[:SCALar]{}[:DC]"
         self.add_commands(
             {
-                f"VOLTage{level}": self._number("voltage_V", lambda output: output.rated_V),
-                f"CURRent{level}": self._number("current_A", lambda output: output.rated_A),
-                "VOLTage:PROTection[:LEVel]": self._number(
-                    "protect_V", lambda output: HEADROOM * output.rated_V
+                f"VOLTage{level}": self._held("voltage_V", up_to(lambda o: o.rated_V)),
+                f"CURRent{level}": self._held("current_A", up_to(lambda o: o.rated_A)),
+                "VOLTage:PROTection[:LEVel]": self._held(
+                    "protect_V", up_to(lambda o: HEADROOM * o.rated_V)
                 ),
                 "VOLTage:PROTection:TRIPped": Listed(None, self._shown("over_voltage")),
-                "CURRent:PROTection:DELay[:TIME]": self._number("delay_s", lambda _: MAX_DELAY_S),
-                "CURRent:PROTection:STATe": Listed(
-                    self._setter(self._protect), self._shown("protects_current")
+                "CURRent:PROTection:DELay[:TIME]": self._held(
+                    "delay_s", up_to(lambda _: MAX_DELAY_S)
+                ),
+                "CURRent:PROTection:STATe": self._held(
+                    "protects_current", lambda _, text: boolean(text)
                 ),
                 "CURRent:PROTection:TRIPped": Listed(None, self._shown("over_current")),
             },
             *ROOTS,
             after=self.before_each,
         )
-        switch = Listed(self._setter(self._switch), self._shown("on"))
-        self.add_commands({"OUTPut[:STATe]": switch}, after=self.before_each)
         self.add_commands(
             {
+                "OUTPut[:STATe]": self._held("on", self._goes_on),
                 "OUTPut:PROTection:CLEar": Listed(self._clear_trips),
                 dc.format("[:VOLTage]"): Listed(None, self._each(lambda n: self._flows(n)[0])),
                 dc.format(":CURRent"): Listed(None, self._each(self._measured_A)),
-            }
+            },
+            after=self.before_each,
         )
 
-    def _number(self, name: str, largest: Callable[[Output], float]) -> Listed:
-        def take(output: Output, text: str) -> None:
-            setattr(output, name, numeric(text, 0.0, largest(output), 0.0))
+    def _held(self, name: str, read: Callable[[Output, str], float]) -> Listed:
+        """Return a setting of each output of a channel list."""
 
-        return Listed(self._setter(take), self._shown(name))
-
-    def _setter(self, take: Callable[[Output, str], None]) -> Callable[[list[str]], None]:
-        def handler(parameters: list[str]) -> None:
+        def take(parameters: list[str]) -> None:
             if not parameters:
                 raise ScpiError(-109)
             for number in listed(parameters[1:]):
-                take(self._outputs[number], parameters[0])
+                output = self._outputs[number]
+                setattr(output, name, read(output, parameters[0]))
 
-        return handler
+        return Listed(take, self._shown(name))
 
     def _shown(self, name: str) -> Callable[[list[str]], str]:
         return self._each(lambda number: getattr(self._outputs[number], name))
@@ -195,18 +194,20 @@ class KeysightE36312A(ScpiDevice):
     def _measured_A(self, number: int) -> float:
         return self._gain * self._flows(number)[1] + self._offset_A
 
-    def _protect(self, output: Output, text: str) -> None:
-        output.protects_current = boolean(text)
-
-    def _switch(self, output: Output, text: str) -> None:
+    def _goes_on(self, output: Output, text: str) -> bool:
         on = boolean(text) and not (output.over_current or output.over_voltage)
         if on and not output.on:
             self._switched_s = self._clock.now()
-        output.on = on
+        return on
 
     def _clear_trips(self, parameters: list[str]) -> None:
         for number in listed(parameters):
             self._outputs[number].over_current = self._outputs[number].over_voltage = False
+
+
+def up_to(largest: Callable[[Output], float]) -> Callable[[Output, str], float]:
+    """Return what reads a number from zero to what an output can."""
+    return lambda output, text: numeric(text, 0.0, largest(output), 0.0)
 
 
 def listed(parameters: list[str]) -> list[int]:

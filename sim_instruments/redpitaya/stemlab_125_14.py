@@ -26,7 +26,7 @@ from sim_instruments.redpitaya.stemlab_capture import CONVERTER_HZ, SLOTS, Captu
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import ScpiError, choice, number, whole_number, word, words
-from sim_instruments.wire.scpi_device import KeptSettings, ScpiDevice, Value, kept, taken
+from sim_instruments.wire.scpi_device import KeptSettings, Listed, ScpiDevice, Value, kept, taken
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.piecewise import Array
 
@@ -94,11 +94,7 @@ class RedPitaya(ScpiDevice):
         self._outputs: dict[str, bool] = {}
         """The pins that are outputs, and whether each is high."""
         self._reset_acquisition()
-        self._add_acquisition()
-        self.tree.add("DIG:PIN", self._set_pin)
-        self.tree.add("DIG:PIN?", self._pin)
-        self.tree.add("DIG:PIN:DIR", self._set_direction)
-        self.tree.add("DIG:PIN:DIR?", lambda given: "OUT" if pin(given) in self._outputs else "IN")
+        self._add_all()
         self.begin_to_serve(setting, self._lock)
 
     def energised(self) -> bool:
@@ -112,7 +108,7 @@ class RedPitaya(ScpiDevice):
         self._noise = np.zeros(SLOTS)
         self._capture = Capture(self._clock.now(), 1.0, 0, HALF, stopped_s=self._clock.now())
 
-    def _add_acquisition(self) -> None:
+    def _add_all(self) -> None:
         self.add_commands(self._kept.commands())
         table: dict[str, Value] = {
             "ACQ:RST": self._reset_acquisition,
@@ -130,6 +126,8 @@ class RedPitaya(ScpiDevice):
             "ACQ:WPOS?": self._pointer,
             "ACQ:TPOS?": self._pointer_at_trigger,
             "ACQ:BUF:SIZE?": lambda: SLOTS,
+            "DIG:PIN": Listed(self._set_pin, self._pin),
+            "DIG:PIN:DIR": Listed(self._set_direction, self._direction),
         }
         if self._version >= (2, 0, 30):
             table["ACQ:DEC:Factor"] = taken(self, "_decimation", self._set_factor)
@@ -139,13 +137,15 @@ class RedPitaya(ScpiDevice):
         both = ["START", "STA"] if self._version >= (2, 5, 0) else ["START"]
         starts = both if self._version >= (2, 0, 0) else ["STA"]
         for channel in ("1", "2"):
-            data = f"ACQ:SOUR{channel}:DATA"
+            data: dict[str, Value] = {
+                ":OLD:N": Listed(None, partial(self._oldest, channel)),
+                ":LAT:N": Listed(None, partial(self._latest, channel)),
+                "?": partial(self._oldest, channel, [str(SLOTS)]),
+            }
             for start in starts:
-                self.tree.add(f"{data}:{start}:N?", partial(self._data, channel))
-                self.tree.add(f"{data}:{start}:END?", partial(self._data, channel, to_end=True))
-            self.tree.add(f"{data}:OLD:N?", partial(self._oldest, channel))
-            self.tree.add(f"{data}:LAT:N?", partial(self._latest, channel))
-            self.tree.add(f"{data}?", self._answer(partial(self._oldest, channel, [str(SLOTS)])))
+                data[f":{start}:N"] = Listed(None, partial(self._data, channel))
+                data[f":{start}:END"] = Listed(None, partial(self._data, channel, to_end=True))
+            self.add_commands(data, f"ACQ:SOUR{channel}:DATA")
 
     # The capture.
 
@@ -279,6 +279,9 @@ class RedPitaya(ScpiDevice):
         else:
             self._outputs.setdefault(name, False)
         self._drive()
+
+    def _direction(self, given: list[str]) -> str:
+        return "OUT" if pin(given) in self._outputs else "IN"
 
     def _set_pin(self, given: list[str]) -> None:
         name, level = exactly(2, given)
