@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -132,8 +133,8 @@ def test_an_error_from_before_the_run_is_named_and_taken_away(
 ) -> None:
     make = ScpiDevice.__init__
 
-    def used_before(device: ScpiDevice, identity: str) -> None:
-        make(device, identity)
+    def used_before(device: ScpiDevice, *given: Any) -> None:
+        make(device, *given)
         device.errors.push(-113)
 
     monkeypatch.setattr(ScpiDevice, "__init__", used_before)
