@@ -68,7 +68,6 @@ class Acutrol3000(LineInstrument):
 
     model = "Acutronic ACUTROL3000"
     protocol = "acl"
-    resource = "socket://{host}:{port}"
     longest_line = MAX_MESSAGE
     lasting_faults: ClassVar = (FollowingError.kind, Stuck.kind, EmergencyStop.kind)
 

@@ -69,7 +69,6 @@ class KepcoBop(ScpiDevice):
     """As answered by real units and printed in the manuals."""
     output_stage: ClassVar[type[Output]] = Output
 
-    error_queue_depth = 20
     lasting_faults: ClassVar = (
         Frozen.kind,
         Compliance.kind,

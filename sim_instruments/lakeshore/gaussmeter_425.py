@@ -47,8 +47,6 @@ class Lakeshore425(LineInstrument):
     """
 
     model = "Lake Shore 425"
-    protocol = "ascii"
-    resource = "socket://{host}:{port}"
     lasting_faults: ClassVar = (Frozen.kind, Overload.kind)
 
     def __init__(self, setting: Setting) -> None:

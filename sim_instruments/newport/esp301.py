@@ -56,8 +56,6 @@ class NewportEsp301(LineInstrument):
     """
 
     model = "Newport ESP301"
-    protocol = "ascii"
-    resource = "socket://{host}:{port}"
     line_end = b"\r"
 
     lasting_faults: ClassVar = (

@@ -59,8 +59,6 @@ class ThorlabsSc10(LineInstrument):
     """
 
     model = "Thorlabs SC10"
-    protocol = "ascii"
-    resource = "socket://{host}:{port}"
     line_end = b"\r"
 
     lasting_faults: ClassVar = (StuckOpen.kind, InterlockOpen.kind)

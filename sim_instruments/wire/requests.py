@@ -287,8 +287,8 @@ class LineInstrument(ServedInstrument, ABC):
     `at_once` is False where `_line` waits for time to pass.
     """
 
-    protocol: ClassVar[str] = "scpi"
-    resource: ClassVar[str] = "TCPIP::{host}::{port}::SOCKET"
+    protocol: ClassVar[str] = "ascii"
+    resource: ClassVar[str] = "socket://{host}:{port}"
     line_end: ClassVar[bytes] = b"\n"
     at_once: ClassVar[bool] = True
     longest_line: ClassVar[int] = MAX_LINE

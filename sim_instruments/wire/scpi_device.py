@@ -125,6 +125,8 @@ class StatusGroup:
 class ScpiDevice(LineInstrument):
     """The IEEE 488.2 commands, the status groups and the error queue of one instrument."""
 
+    protocol = "scpi"
+    resource = "TCPIP::{host}::{port}::SOCKET"
     error_queue_depth = 20
     own_texts: ClassVar[Mapping[int, str]] = {}
     """Of errors that SCPI does not have."""
