@@ -66,7 +66,6 @@ class CoilGenerator(ScpiDevice):
             wire.listen(partial(self._edge, slope="POS"), partial(self._edge, slope="NEG"))
         self.add_commands({"*TRG": self._trigger})
         self._faults.when_changed(LoadReset.kind, self._reset_loads)
-        self.begin_to_serve(setting)
 
     @abstractmethod
     def _add_channel(self, number: int, channel: GeneratorChannel) -> None:

@@ -87,6 +87,9 @@ class KepcoBop1kW(KepcoBop):
     def __init__(self, setting: Setting) -> None:
         self._remote = False
         super().__init__(setting)
+
+    def _add_source(self) -> None:
+        super()._add_source()
         self.add_commands(KeptSettings(OUTPUT_KEPT).commands())
 
     def _list_commands(self) -> dict[str, Value]:

@@ -96,6 +96,7 @@ class Keysight33522B(CoilGenerator):
         identity = f"{maker},33522B,{setting.serial},{FIRMWARE}"
         super().__init__(setting, identity, f'+0,"{empty}"')
         self.add_commands({"SYSTem:BEEPer[:IMMediate]": lambda: None})
+        self.begin_to_serve(setting)
 
     def _add_channel(self, number: int, channel: GeneratorChannel) -> None:
         wave = channel.wave

@@ -49,6 +49,7 @@ class RigolDg800(CoilGenerator):
         maker = setting.truth.text("maker", "Rigol Technologies")
         self._idles: list[KeptSettings] = []
         super().__init__(setting, f"{maker},DG822,{setting.serial},00.02.06.00.01")
+        self.begin_to_serve(setting)
 
     def reset(self) -> None:
         """Go to sines, both outputs off."""

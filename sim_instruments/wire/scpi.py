@@ -236,7 +236,8 @@ def choice(text: str, names: Mapping[str, str]) -> str:
     return names[word]
 
 
-def words(*names: str) -> dict[str, str]:
+@cache
+def words(*names: str) -> Mapping[str, str]:
     """Return the short form of each name, such as `POSitive`, by its short and its long form."""
     return {form: short_of(name) for name in names for form in (short_of(name), name.upper())}
 
