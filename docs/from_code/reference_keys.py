@@ -11,7 +11,6 @@ from typing import Any, Literal, Union, get_args, get_origin
 from meanings import BENCH, CONDITIONS, DATASET, PARAMETERS, PLAN
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from reference_instruments import TITLE
 from tables import code, first_sentence, table
 
 from station import registry
@@ -23,6 +22,7 @@ from station.instruments.bench import bench_file
 from station.instruments.calibration import UNIT_OF_QUANTITY
 from station.procedure import Procedure, procedure_of
 from station.roles.role import instances
+from station.roles.sources import TITLE
 from station.units import expectation, format_quantity
 
 HEAD = ("key", "what is written", "default", "meaning")

@@ -102,6 +102,9 @@ class NewportEsp301(Driver):
         self._until_s = math.inf
         self._line = EspLine(place, settings, self._axis, self.repeatable)
 
+    def _as_sent(self, command: str) -> str:
+        return command if command in self.repeatable else self._of_axis(command)
+
     def identify(self) -> Identity:
         """Ask for the controller's version (`VE?`), and stage and serial number (`ID?`)."""
         version = self._line.query("VE?")

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from station.fields import StrictModel
 from station.files.yaml.document import Document, Where
 from station.findings import Estimate
 from station.instruments.commissioned import Commissioned, CommissionedFigure, ConfirmedForm
@@ -138,12 +139,14 @@ def block_of(commissioned: Commissioned) -> list[str]:
         f"  run: {json.dumps(commissioned.run, ensure_ascii=False)}",
         "  figures:",
         *(f"    - {entry(figure)}" for figure in commissioned.figures),
-        *(["  confirmed:"] if commissioned.confirmed else []),
-        *(
-            f"    - {json.dumps(form.model_dump(), ensure_ascii=False)}"
-            for form in commissioned.confirmed
-        ),
+        *_entries("confirmed", commissioned.confirmed),
+        *_entries("tried", commissioned.tried),
     ]
+
+
+def _entries(key: str, entries: Sequence[StrictModel]) -> list[str]:
+    lines = [f"    - {json.dumps(each.model_dump(), ensure_ascii=False)}" for each in entries]
+    return [f"  {key}:", *lines] if lines else []
 
 
 def entry(figure: CommissionedFigure) -> str:

@@ -18,6 +18,7 @@ from .causes import coil_causes
 from .coils import CoilAnalysis
 from .completing import Completion, Withheld, confirmed_forms, figures_to_watch, files_of
 from .drift import drifts, flags_of
+from .lines import tried
 from .parameters import CommissioningParameters
 from .part import CAUSES, NOT_MEASURED, UNDECIDED, Part
 
@@ -85,6 +86,7 @@ def findings_of_run(
         run=folder.path.name,
         figures=figures,
         confirmed=confirmed_forms(folder.events),
+        tried=tuple(tried(folder)),
     )
     return Findings(
         estimates=estimates,

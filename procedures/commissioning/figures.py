@@ -13,6 +13,7 @@ from station.results import Result, ResultDocument
 from . import PARTS
 from .part import CAUSES, NOT_MEASURED, UNDECIDED, Part
 
+OUTCOME = {True: "answered", False: "REFUSED"}
 PASSED, FAILED, OPEN = "passed", "FAILED", "not decided"
 
 
@@ -22,7 +23,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[ReportPart
     nothing = [("–", "–", "nothing failed of what was tried", "–")]
     untried = [flag for flag in findings.flags if flag.code == NOT_TRIED]
     checks = [check for flag in untried for check in flag.details["checks"]]
-    withheld = findings.detail.withheld
+    withheld, commissioned = findings.detail.withheld, findings.detail.commissioned
     parts: list[ReportPart] = [
         Table(
             "What failed",
@@ -50,6 +51,19 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[ReportPart
                 "Figures that a cause touches are written into no bench file while it is open.",
                 ("figures of", "open causes"),
                 [(part.part.replace("_", " "), ", ".join(part.causes)) for part in withheld],
+            )
+        )
+    if commissioned is not None and commissioned.tried:
+        parts.append(
+            Table(
+                "What was tried of what no document confirms",
+                "Questions of the drivers' command tables that do no harm. One that is refused is "
+                "a row of the table that does not hold for this unit.",
+                ("instrument", "asked", "answer", "outcome"),
+                [
+                    (each.instrument, each.command, each.answer, OUTCOME[each.confirmed])
+                    for each in commissioned.tried
+                ],
             )
         )
     parts.append(

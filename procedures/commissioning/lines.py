@@ -14,10 +14,11 @@ from station import registry
 from station.errors import InstrumentError
 from station.fields import StrictModel
 from station.findings import Analysis, Estimate, Flag, InputQuantity
+from station.instruments.commissioned import TriedCommand
 from station.method.duration import on_the_way
 from station.method.run import Run
 from station.procedure import Prompt, RecordUse, Step
-from station.roles import Instrument, KeepsErrors
+from station.roles import Driver, Instrument, KeepsErrors
 from station.roles.base import ANSWER_TIME, ARRIVAL, MAX_DEADLINE_S
 
 from .part import Figure, Part, ask_at_rest
@@ -65,6 +66,8 @@ QUERY_S = 0.05
 BACK_S = 5.0
 """A line that was disconnected may need so long; what a person does takes no bench time."""
 SOURCE = "lines"
+TRIED = "tried"
+"""Detail of a unit: what came of each question that the driver's table does not confirm."""
 BEFORE, SINCE = "errors_before", "errors_since"
 """Details of a unit: errors that the instrument kept before and since it is asked, if it can."""
 COLUMNS = {
@@ -135,6 +138,27 @@ def question(run: Run, unit: str, instrument: Instrument, details: dict[str, Any
     _record(run, unit, [_one(run, instrument, known) for _ in range(run.parameters.lines.queries)])
     if isinstance(instrument, KeepsErrors):
         details[SINCE] = instrument.take_errors()
+    if isinstance(instrument, Driver):
+        details[TRIED] = [answer_to(instrument, asked) for asked in instrument.open_questions()]
+
+
+def answer_to(instrument: Driver, asked: str) -> dict[str, Any]:
+    """Return what came of a question that no document confirms: the answer, or the error."""
+    try:
+        answer, errors = instrument.ask_openly(asked), tuple[str, ...]()
+        if isinstance(instrument, KeepsErrors):
+            errors = tuple(instrument.take_errors())
+    except InstrumentError as error:
+        return {"command": asked, "answer": str(error), "confirmed": False}
+    return {"command": asked, "answer": (errors or (answer,))[0], "confirmed": not errors}
+
+
+def tried(folder: RunFolder) -> Iterator[TriedCommand]:
+    """Yield what came of such questions in a run."""
+    finished = folder.finished_units()
+    for name in LINES:
+        for answer in finished.get(line_unit(name), {}).get(TRIED, ()):
+            yield TriedCommand(instrument=name, **answer)
 
 
 def await_return(run: Run, name: str, instrument: Instrument, known: object) -> None:

@@ -29,13 +29,23 @@ class ConfirmedForm(StrictModel):
     met: Words
 
 
+class TriedCommand(StrictModel):
+    """What an instrument answered a question that its documents do not confirm, or its error."""
+
+    instrument: Words
+    command: Words
+    answer: str
+    confirmed: bool
+
+
 class Commissioned(StrictModel):
-    """When a bench was commissioned, in which run, and with what figures and forms."""
+    """When a bench was commissioned, in which run, and with what figures, forms and answers."""
 
     date: date
     run: Words
     figures: tuple[CommissionedFigure, ...]
     confirmed: tuple[ConfirmedForm, ...] = ()
+    tried: tuple[TriedCommand, ...] = ()
 
     def figure(self, name: str, axis: str | None) -> CommissionedFigure | None:
         """Return a figure, None where the commissioning did not measure it."""

@@ -17,6 +17,7 @@ from station.errors import InstrumentError, QuantityNotRead
 from station.fields import StrictModel, key_of
 from station.roles.kept_settings import KeptSettings
 from station.roles.patience import patience
+from station.roles.sources import not_confirmed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -342,6 +343,19 @@ class Driver:
     @cached_property
     def _variants(self) -> set[str]:
         return set()
+
+    def open_questions(self) -> list[str]:
+        """Return questions of the command table that are not confirmed and do no harm."""
+        asked = map(self._as_sent, not_confirmed(type(self)))
+        harmless = getattr(self, "repeatable", ())
+        return [message for message in asked if "?" in message and message in harmless]
+
+    def ask_openly(self, question: str) -> str:
+        """Return what the instrument answers one of these questions; InstrumentError for none."""
+        return self._line.query(question)  # type: ignore[attr-defined,no-any-return]
+
+    def _as_sent(self, command: str) -> str:
+        return command
 
     def close(self) -> None:
         """Give the line back."""

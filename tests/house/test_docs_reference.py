@@ -18,6 +18,7 @@ from station.files.plan.model import PlanHeader
 from station.instruments.bench import bench_file, read_bench
 from station.procedure import Procedures
 from station.record.folder import RunFolder
+from station.roles.sources import rows_of, section
 from station.runner.execute import Request, execute
 from station.runner.outcome import Outcome
 
@@ -189,16 +190,16 @@ def test_what_a_page_prints_is_compared_line_by_line() -> None:
 
 @pytest.mark.parametrize("name", reference_instruments.own_drivers())
 def test_every_driver_says_where_each_of_its_commands_is_documented(name: str) -> None:
-    rows = reference_instruments.rows_of(reference_instruments.own_drivers()[name])
+    rows = rows_of(reference_instruments.own_drivers()[name])
     assert rows, "write its section"
 
 
 def test_a_model_has_its_own_rows_and_not_those_of_one_beside_it() -> None:
     drivers = reference_instruments.own_drivers()
-    card = {row.command for row in reference_instruments.rows_of(drivers["kepco-bop-36-12"])}
+    card = {row.command for row in rows_of(drivers["kepco-bop-36-12"])}
     assert {"LIST:CURR:APPL SINE", "SYST:REM ON"}.isdisjoint(card)
     assert {"CURR:LIM", "FUNC:MODE CURR"} <= card
-    thermometer = reference_instruments.rows_of(drivers["keysight-34465a-pt100"])
+    thermometer = rows_of(drivers["keysight-34465a-pt100"])
     assert "VOLT:DC:IMP:AUTO" not in {row.command for row in thermometer}
 
 
@@ -213,7 +214,7 @@ NONSENSE = {
 
 @pytest.mark.parametrize("name", reference_instruments.own_drivers())
 def test_the_simulator_of_a_model_is_asked_for_each_row(name: str) -> None:
-    row = reference_instruments.rows_of(reference_instruments.own_drivers()[name])[0].command
+    row = rows_of(reference_instruments.own_drivers()[name])[0].command
     if simulated.simulator_of(name) is None:
         assert simulated.answered(name, row) == ""
         return
@@ -225,7 +226,7 @@ def test_the_simulator_of_a_model_is_asked_for_each_row(name: str) -> None:
 
 def test_a_row_of_commands_may_go_on_and_has_four_parts() -> None:
     head = "Of a meter.\n\nCommands and their sources:\n    A? - ask\n        it - "
-    rows = reference_instruments.section(f"{head}manual - confirmed\n\nMore.\n", "Meter")
+    rows = section(f"{head}manual - confirmed\n\nMore.\n", "Meter")
     assert list(rows) == [("A?", "ask it", "manual", "confirmed")]
     with pytest.raises(ValueError, match="Meter: 'A\\? - ask it - perhaps'"):
-        list(reference_instruments.section(f"{head}perhaps\n", "Meter"))
+        list(section(f"{head}perhaps\n", "Meter"))

@@ -107,6 +107,7 @@ KEPT = {
         "role 7: 7 is no name such as zero_current",
         "role 7: 7 names no limit of it",
     },
+    "station/roles/sources.py": {"Commands and their sources:"},  # a docstring's section
     "procedures/commissioning": {
         "{name: 7, 7value: 7, unit: 7, standard_uncertainty: 7}",  # a line of a bench file
     },

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ from commissioning_parts import whole_plan_of
 from plan_runs import run_of, shipped_bench
 from short_forms import read_bench_at
 
+from procedures.commissioning.completing import block_of
 from procedures.commissioning.lines import PART, Answers, Kept, LineDataset, analyse
 from sim_instruments.wire.scpi_device import ScpiDevice
 from station.record.folder import RunFolder
+from station.runner.evaluation import evaluate_run
 
 
 def answers(*, lost: int = 0, others: int = 0, latency_s: float = 0.01) -> Answers:
@@ -164,3 +167,22 @@ def test_an_answer_near_its_deadline_names_the_deadline_to_write(tmp_path: Path)
         if result["name"] == "longest_answer"
     }
     assert longest["multimeter"] == pytest.approx(420.0, abs=5.0)
+
+
+def test_what_no_document_confirms_is_tried_and_noted(tmp_path: Path) -> None:
+    bench = shipped_bench()
+    refused = {"instrument": "coil_supply.y", "command": "STAT:OPER:COND?", "fault": "no-reply"}
+    bench["simulation"]["faults"] = [{**refused, "nth": 1, "count": 9}]
+    outcome = run_of(tmp_path / "run", whole_plan_of("lines"), bench)
+    assert named(outcome) == set()
+    text = (outcome.folder / "commissioned.json").read_text(encoding="utf-8")
+    tried = {(of["instrument"], of["command"]): of for of in json.loads(text)["tried"]}
+    assert tried["rotary_stage", "1ID?"]["answer"] == "URS100BPP, SNB2K0417"
+    assert tried["rotary_stage", "1ID?"]["confirmed"]
+    assert tried["coil_supply.x", "STAT:OPER:COND?"]["confirmed"]
+    silent = tried["coil_supply.y", "STAT:OPER:COND?"]
+    assert not silent["confirmed"]
+    assert "coil_supply.y" in silent["answer"]
+    assert not [command for _, command in tried if not command.endswith(("?", "? 1"))]
+    _, findings = evaluate_run(RunFolder(outcome.folder))
+    assert "  tried:" in block_of(findings.detail.commissioned)
