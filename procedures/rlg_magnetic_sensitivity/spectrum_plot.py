@@ -45,7 +45,8 @@ ALLAN = (
 )
 BESIDE = (
     "Black bar: the amplitude that noise alone gives near f. Right: the same samples averaged over "
-    "the phase of the field, drift and other lines taken off; 0 deg is where the field is largest."
+    "the phase of the field, drift and other lines taken off; 0 deg is where the field is largest. "
+    "Below: the same spectrum as far as it goes, where hum and other devices would have lines."
 )
 
 
@@ -69,10 +70,12 @@ def spectrum(record: FittedRecord, lines: Sequence[LineDetail], *, published: bo
     return Plot(
         f"{joined(record.axes)} driven: {where}",
         f"{peaks} {BESIDE}",
-        (_spectrum_panel(record, lines), _folded_panel(record, lines)),
-        3.7,
+        (_spectrum_panel(record, lines), _folded_panel(record, lines), _whole_panel(record, lines)),
+        6.2,
         widths=(2.1, 1),
+        heights=(1.5, 1),
         gap_x=0.24,
+        gap_y=0.42,
     )
 
 
@@ -119,6 +122,27 @@ def _spectrum_panel(record: FittedRecord, lines: Sequence[LineDetail]) -> Panel:
         x=Axis(below, low=0.0, high=highest_Hz),
         y=Axis(beside, log=True, low=low, high=high),
         legend="upper right",
+    )
+
+
+def _whole_panel(record: FittedRecord, lines: Sequence[LineDetail]) -> Panel:
+    """Return the spectrum up to k = N/2, where hum, dither and other devices have their lines."""
+    frequency_Hz, amplitude = plotted_spectrum(record.segment)
+    below, beside = "frequency k/T up to k = N/2, Hz", "y, deg/h"
+    if len(frequency_Hz) <= 2:
+        return Panel((), row=1, columns=2, x=Axis(below, ticks=()), y=Axis(beside, ticks=()))
+    positive = np.maximum(amplitude[1:], 1e-12)
+    marks = [
+        Rule(x=record.segment.drive[line.axis].frequency_Hz, colour=COLOUR[line.axis], dashes="--")
+        for line in lines
+    ]
+    return Panel(
+        (*marks, Line(frequency_Hz[1:], positive, colour=GREY, width=0.7)),
+        title="The whole spectrum",
+        row=1,
+        columns=2,
+        x=Axis(below, low=0.0, high=float(frequency_Hz[-1])),
+        y=Axis(beside, log=True),
     )
 
 
