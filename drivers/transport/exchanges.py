@@ -150,6 +150,16 @@ class ExchangeLine(TracedLine, ABC):
         """Return what an exchange of `message` brings, by `patiently`; `now` it goes once."""
         return exchange() if now else patiently(self._repeatable, message, exchange)
 
+    @property
+    def patient(self) -> Any:
+        """This line with `patience`, as drivers of before ask on their way to rest."""
+        return Patient(self)
+
+    @patience()
+    def repeated(self, message: str, exchange: Callable[[], Answer]) -> Answer:
+        """Return what an exchange brings, with `patience`, as drivers of before ask."""
+        return self.patiently(message, exchange)
+
     @abstractmethod
     def echoes_identity(self) -> bool:
         """Whether the answer to who is there is the identity."""
@@ -460,6 +470,16 @@ class ExchangeLine(TracedLine, ABC):
             self._attachment.when_wrong,
             TooLate,
         )
+
+
+class Patient:
+    """A line each of whose questions has `patience`, whoever asks."""
+
+    def __init__(self, line: ExchangeLine) -> None:
+        self._line = line
+
+    def __getattr__(self, name: str) -> Any:
+        return patience()(getattr(self._line, name))
 
 
 class Proof:

@@ -286,11 +286,14 @@ class Driver:
             if getattr(read, "watched", False)
         }
         cls.quantities = {**cls.quantities, **declared}
-        if "make_safe" in vars(cls):
-            cls.make_safe = _bounded(cls.make_safe)  # type: ignore[attr-defined]
         for verb in PATIENT_VERBS:
-            if verb in vars(cls):
-                setattr(cls, verb, patience()(vars(cls)[verb]))
+            # Its own, or of a class beside it that is no driver.
+            owner = next((base for base in cls.__mro__ if verb in vars(base)), Driver)
+            if owner is not cls and issubclass(owner, Driver):
+                continue
+            act = vars(owner)[verb]
+            if callable(act):  # a driver may have something else of this name
+                setattr(cls, verb, patience()(_bounded(act) if verb == "make_safe" else act))
 
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
@@ -387,7 +390,7 @@ def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], 
                 make_safe(driver, deadline_s)
             except InstrumentError:
                 if isinstance(driver, SwitchedOffBlindly):
-                    with suppress(InstrumentError):
+                    with suppress(InstrumentError), patience(granted=False):
                         driver.last_attempt()
                     driver.await_rest(deadline_s)
                 raise

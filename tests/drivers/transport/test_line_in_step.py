@@ -371,6 +371,21 @@ def test_readings_count_only_between_identities(answers_behind: int) -> None:
             proof.of(lambda: number_of("MEAS:CURR?"), lambda: number_of("OUTP?"))
 
 
+@pytest.mark.parametrize("kind", ["visa", "serial"])
+def test_a_driver_of_before_says_itself_where_one_lost_answer_must_not_decide(kind: str) -> None:
+    """By `patient` and `repeated`, from wherever it asks; nobody else is patient by that."""
+
+    numbers = iter([b"?\n", b"?\n", b"5.0\n", b"?\n"])
+    with line_to(lambda client, asked: client.sendall(next(numbers)), kind) as (line, device, _):
+        assert line.patient.number("MEAS:CURR?") == 5.0
+        with pytest.raises(InstrumentError):
+            line.number("MEAS:CURR?")
+    numbers = iter([b"?\n", b"?\n", b"5.0\n"])
+    with line_to(lambda client, asked: client.sendall(next(numbers)), kind) as (line, device, _):
+        assert line.repeated("A?", lambda: float(line.number("A?"))) == 5.0
+        assert device.asked == ["A?"] * 3
+
+
 def test_a_resource_s_answer_ends_with_its_last_character_and_loses_the_whole_end() -> None:
     device = Device(lambda client, asked: client.sendall(f"{asked}\r\n".encode()))
     address = f"TCPIP::127.0.0.1::{device.port}::SOCKET"

@@ -13,7 +13,7 @@ from station.clock import VirtualClock
 from station.errors import InstrumentError
 from station.instruments.opening import InstrumentPlace
 from station.roles import TRIES, Driver, Place
-from station.roles.patience import patience
+from station.roles.patience import PATIENT, patience
 
 
 def test_a_pattern_is_for_one_whole_command() -> None:
@@ -112,7 +112,7 @@ class Deaf(Driver):
         raise self.error("switched it off", "no answer came", "look")
 
     def last_attempt(self) -> None:
-        self.did.append("last_attempt")
+        self.did.append("last_attempt, once" if not PATIENT.get() else "last_attempt")
         raise self.error("switched it off blindly", "the line broke", "look")
 
     def await_rest(self, deadline_s: float) -> None:
@@ -123,7 +123,32 @@ def test_where_the_way_to_rest_fails_the_last_attempt_follows_and_the_first_erro
     deaf = Deaf(InstrumentPlace("it", "", VirtualClock()))
     with pytest.raises(InstrumentError, match="no answer came"):
         deaf.make_safe(5.0)
-    assert deaf.did == ["make_safe", "last_attempt", "await_rest before 5 s"]
+    assert deaf.did == ["make_safe", "last_attempt, once", "await_rest before 5 s"]
+
+
+class Beside:
+    """What brings several of a laboratory's models to rest; no driver itself."""
+
+    did: list[str]
+
+    def make_safe(self, deadline_s: float) -> None:
+        self.did.append("patient" if PATIENT.get() else "impatient")
+        raise InstrumentError("it", "switched it off", "no answer came", "look")
+
+
+class Mixed(Beside, Deaf):
+    """A driver with a way to rest of a class beside it, and a pause that is no verb."""
+
+    pause = 0.05
+
+
+def test_a_way_to_rest_from_beside_the_driver_is_one_too_and_a_number_is_no_verb() -> None:
+    mixed = Mixed(InstrumentPlace("it", "", VirtualClock()))
+    with pytest.raises(InstrumentError, match="no answer came"):
+        mixed.make_safe(5.0)
+    assert mixed.did == ["patient", "last_attempt, once", "await_rest before 5 s"]
+    assert mixed.pause == 0.05
+    assert not PATIENT.get()
 
 
 def test_a_driver_written_before_still_imports() -> None:
