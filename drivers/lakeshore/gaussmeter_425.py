@@ -179,10 +179,11 @@ class Lakeshore425(Driver):
         self.kept.set(
             name,
             value,
-            lambda: self._ask(query).replace(" ", ""),
+            patience()(lambda: self._ask(query).replace(" ", "")),
             lambda text: self._set(f"{name} {text}", query, text),
         )
 
+    @patience()
     def _set(self, command: str, query: str, wanted: str) -> None:
         """Send a command and prove by its query that it was taken."""
 

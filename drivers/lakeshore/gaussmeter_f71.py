@@ -134,8 +134,8 @@ class LakeshoreF71(ThreeAxes, ScpiDriver):
     def _as(self, header: str) -> tuple[Callable[[], str], Callable[[str], None]]:
         """Return what reads a setting, and what writes it."""
         return (
-            lambda: self._line.query(f"{header}?").strip(),
-            lambda text: self._line.command(f"{header} {text}"),
+            patience()(lambda: self._line.query(f"{header}?").strip()),
+            patience()(lambda text: self._line.command(f"{header} {text}")),
         )
 
     def _keep(self, header: str, value: str) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from station.errors import InstrumentError
-from station.roles.patience import patience
 
 
 class Met(NamedTuple):
@@ -28,7 +27,6 @@ class KeptSettings:
         self._note = note
         self._met: dict[str, Met] = {}
 
-    @patience()
     def set(
         self, name: str, value: str, read: Callable[[], str], write: Callable[[str], None]
     ) -> None:
@@ -40,7 +38,6 @@ class KeptSettings:
         if self.meet(name, value, read, write) != value:
             write(value)
 
-    @patience()
     def meet(
         self, name: str, value: str, read: Callable[[], str], write: Callable[[str], None]
     ) -> str | None:
@@ -52,7 +49,6 @@ class KeptSettings:
         self._met[name] = Met(was, read, write)
         return was
 
-    @patience()
     def put_back(self) -> None:
         """Put every setting back as it was met, the last one first; never raises.
 

@@ -13,6 +13,7 @@ from station.clock import VirtualClock
 from station.errors import InstrumentError
 from station.instruments.opening import InstrumentPlace
 from station.roles import TRIES, Driver, Place
+from station.roles.kept_settings import KeptSettings
 from station.roles.patience import PATIENT, patience
 
 
@@ -149,6 +150,21 @@ def test_a_way_to_rest_from_beside_the_driver_is_one_too_and_a_number_is_no_verb
     assert mixed.did == ["patient", "last_attempt, once", "await_rest before 5 s"]
     assert mixed.pause == 0.05
     assert not PATIENT.get()
+
+
+def test_what_a_step_sets_and_keeps_is_no_way_to_rest() -> None:
+    """Where one answer is lost to a meter that is configured, the run ends as at any command."""
+    patient: list[bool] = []
+
+    def read() -> str:
+        patient.append(PATIENT.get())
+        return "AUTO"
+
+    def write(text: str) -> None:
+        patient.append(PATIENT.get())
+
+    KeptSettings(lambda *kind, **details: None).set("RANG", "1", read, write)
+    assert patient == [False, False]
 
 
 def test_a_driver_written_before_still_imports() -> None:
