@@ -40,8 +40,8 @@ def write_new(kind: str, name: str, base: str | None = None) -> None:
         raise InputError(f"--extends is for a plan; write `station new {kind} {name}`")
     if not NAME.fullmatch(name):
         raise InputError(
-            f"'{name}' is no name for this: write small letters, digits and single hyphens, such "
-            "as 'room-3'"
+            f"'{name}' is no name for this: write a small letter, then small letters, digits and "
+            "single hyphens, such as 'room-3'"
         )
     if kind == "plan":
         texts, following = plan(name, base or USUAL)
@@ -154,11 +154,9 @@ def package_of(group: str, word: str, name: str) -> str:
     package = name.replace("-", "_")
     if name in registry.names(group):
         raise InputError(f"there is a {word} '{name}' already; choose another name")
-    if (
-        keyword.iskeyword(package)
-        or keyword.iskeyword(package.title())
-        or find_spec(package) is not None
-    ):
+    if keyword.iskeyword(package) or keyword.iskeyword(package.title()):
+        raise InputError(f"'{name}' is a keyword of Python; choose another name")
+    if find_spec(package) is not None:
         raise InputError(f"Python has a module '{package}' already; choose another name")
     return package
 

@@ -293,7 +293,8 @@ class Driver:
                 continue
             act = vars(owner)[verb]
             if callable(act):  # a driver may have something else of this name
-                setattr(cls, verb, patience()(_bounded(act) if verb == "make_safe" else act))
+                held = {"make_safe": _bounded, "read_safety": _held_to_reading}.get(verb, _as_it_is)
+                setattr(cls, verb, patience()(held(act)))
 
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
@@ -377,6 +378,10 @@ class Driver:
         return self.quantities[quantity](self)
 
 
+def _as_it_is(verb: Callable[..., Any]) -> Callable[..., Any]:
+    return verb
+
+
 def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
     """Return a driver's way to rest, none of whose exchanges waits beyond its time.
 
@@ -396,6 +401,24 @@ def _bounded(make_safe: Callable[[Any, float], None]) -> Callable[[Any, float], 
                 raise
 
     return bounded
+
+
+def _held_to_reading(read_safety: Callable[[Any], object]) -> Callable[[Any], SafetyReading]:
+    """Return a driver's look whether it is at rest; InstrumentError where it returns no reading."""
+
+    @wraps(read_safety)
+    def held(driver: Driver) -> SafetyReading:
+        reading = read_safety(driver)
+        if not isinstance(reading, SafetyReading):
+            of = f"{type(driver).__module__}.{type(driver).__name__}"
+            raise driver.error(
+                "read whether it is at rest",
+                f"read_safety of its driver {of} returned {reading!r:.80}, no SafetyReading",
+                "repair the driver, and look at the instrument itself",
+            )
+        return reading
+
+    return held
 
 
 def _in_words(method: str, states: States, driver: Driver) -> float | str | None:

@@ -108,8 +108,9 @@ def test_nothing_is_written_over(kind: str, tmp_path: Path) -> None:
         (["procedure", "gyro-rate-table"], "there is a procedure 'gyro-rate-table' already"),
         (["procedure", "statistics"], "Python has a module 'statistics' already"),
         (["driver", "lakeshore-f71"], "there is a driver 'lakeshore-f71' already"),
-        (["driver", "true"], "Python has a module 'true' already"),
-        (["procedure", "class"], "Python has a module 'class' already"),
+        (["driver", "true"], "'true' is a keyword of Python"),
+        (["procedure", "class"], "'class' is a keyword of Python; choose another name"),
+        (["driver", "3d"], "'3d' is no name for this: write a small letter, then"),
         (["plan", "../mine"], "is no name"),
         (["bench", "mine", "--extends", "sim"], "--extends is for a plan"),
         (

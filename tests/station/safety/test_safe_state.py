@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from station.clock import VirtualClock
+from station.errors import InstrumentError
 from station.roles import SafetyReading
+from station.roles.base import Driver
 from station.roles.role import roles, safe_states
 from station.safety.safe_state import HURRIED_WITHIN_S, Hurry, make_bench_safe
 
@@ -68,6 +71,19 @@ def test_a_reading_that_is_none_keeps_nobody_from_rest() -> None:
     with clock.participant("run"):
         outcomes = make_bench_safe(bench, [], clock)
     assert [outcome.verified for outcome in outcomes] == [False, True]
+
+
+@pytest.mark.parametrize("said", [True, None])
+def test_a_reading_that_is_none_names_instrument_and_driver(said: bool | None) -> None:
+    class Odd(Driver):
+        def read_safety(self) -> Any:
+            return said
+
+    odd = Odd()
+    odd.place = SimpleNamespace(name="pump_laser")  # type: ignore[assignment]
+    wrong = f"^pump_laser: read whether it is at rest: read_safety of .*Odd returned {said}, no Saf"
+    with pytest.raises(InstrumentError, match=wrong):
+        odd.read_safety()
 
 
 def test_a_hurry_shortens_waits_says_so_and_leaves_nothing_out() -> None:
