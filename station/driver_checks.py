@@ -172,6 +172,33 @@ def role_faults(document: Document) -> Iterator[Fault]:
                 yield document.fault(("instruments", name, "driver"), what)
 
 
+def simulator_faults(document: Document) -> Iterator[Fault]:
+    """Yield a fault for each instrument of a simulated bench that nobody simulates.
+
+    What is reached over another's line answers there, and an operator is asked; what has an
+    address of its own is served by somebody else.
+    """
+    if not isinstance(mapping(document.data).get("simulation"), dict):
+        return
+    for name, given in mapping(mapping(document.data).get("instruments")).items():
+        entry, driver = mapping(given), mapping(given).get("driver")
+        if driver not in registry.names(registry.DRIVERS) or entry.get("address"):
+            continue
+        with suppress(Exception):  # why it cannot be loaded is said by `driver_faults`
+            loaded = registry.load(registry.DRIVERS, driver)
+            if entry.get("shares") or hasattr(loaded, "prompts"):
+                continue
+            if driver not in registry.names(registry.SIMULATORS):
+                what = (
+                    f"the driver '{driver}' has no simulator, and this bench is simulated; offer "
+                    "one under its name in the group station.simulators, or take the instrument out"
+                )
+                yield document.fault(("instruments", name, "driver"), what)
+            elif entry.get("simulator") is None:
+                what = "is missing; a simulated bench needs it, an empty mapping too"
+                yield document.fault(("instruments", name, "simulator"), what)
+
+
 def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:
     model = settings_of(driver)
     common = keys_of(settings_of_role(name) or StrictModel)

@@ -34,6 +34,7 @@ class Conversation:
     def __init__(self, server: RequestServer, client: socket.socket) -> None:
         self._server = server
         self.client = client
+        self.name = server.name
         self.pending = b""
         self.heard_s = self.free_s = 0.0
         self.attended = False

@@ -44,6 +44,11 @@ class TcpServer(ABC):
             faults.when_changed(PortGone.kind, self._port_changed)
 
     @property
+    def name(self) -> str:
+        """The instrument that is served."""
+        return self._name
+
+    @property
     def address(self) -> str:
         """The host and port, as the clock's wires are named."""
         return f"{HOST}:{self.port}"

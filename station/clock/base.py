@@ -55,6 +55,9 @@ class ParticipantThread:
 class Attendant(Protocol):
     """A server's side of one connection that is read by whoever writes on it."""
 
+    name: str
+    """The instrument that it answers for."""
+
     def look(self) -> bool:
         """Read and answer what has come, or comes in a moment; return whether it may go on so."""
 

@@ -10,7 +10,7 @@ from operator import attrgetter
 from threading import Lock, Thread, get_ident, main_thread
 
 from station.clock.base import ClockError, ClockStopped
-from station.errors import reason_of
+from station.errors import place_of, reason_of
 
 SERVES, NAMED = 0, 1
 """The first part of a participant's order."""
@@ -184,7 +184,8 @@ class Turns:
         except ClockStopped:
             pass
         except Exception as error:
-            self.fail(f"{stepper.name} has failed: {reason_of(error)}", error)
+            why = f"{reason_of(error)}{place_of(error)}"
+            self.fail(f"{stepper.name} has failed: {why}", error)
         finally:
             with self.mutex:
                 if next_s is not None and not self.stopping:

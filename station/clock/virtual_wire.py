@@ -11,7 +11,7 @@ from typing import Protocol
 
 from station.clock.base import Attendant, Wire
 from station.clock.turns import CALLED, SERVES, Participant, Turns
-from station.errors import reason_of
+from station.errors import place_of, reason_of
 
 MAX_LOOKS = 20
 """So often a reader that finds nothing looks again for what was written."""
@@ -133,6 +133,7 @@ class VirtualWire(Wire):
     def _serve(self) -> None:
         """Let the attendant serve what was sent, in the thread that has sent it."""
         sender = self._clock.swap(None)
+        attendant = self._attendant
         try:
             while self._to_server and (attendant := self._attendant) is not None:
                 if not attendant.look():
@@ -142,7 +143,9 @@ class VirtualWire(Wire):
                         self._count(self._unread())
                     attendant.dismissed()
         except Exception as error:  # whoever asks must not wait for an answer that never comes
-            self._turns.fail(f"{self._address} has failed: {reason_of(error)}", error)
+            who = self._address if attendant is None else attendant.name
+            why = f"{reason_of(error)}{place_of(error)}"
+            self._turns.fail(f"the simulator of {who} has failed: {why}", error)
         finally:
             self._clock.swap(sender)
 

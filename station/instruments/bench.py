@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
-from station.driver_checks import driver_faults, role_faults
+from station.driver_checks import driver_faults, role_faults, simulator_faults
 from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.validation import check_model
@@ -281,6 +281,7 @@ def faults_of_use(document: Document) -> Iterator[Fault]:
     yield from bound_faults(document)
     yield from driver_faults(document)
     yield from role_faults(document)
+    yield from simulator_faults(document)
     yield from _address_faults(document)
 
 

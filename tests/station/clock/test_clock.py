@@ -363,3 +363,26 @@ def test_a_step_that_fails_is_told_and_does_not_let_time_run_on() -> None:
         with pytest.raises(ClockError, match=r"device has failed: .*no such register"):
             clock.sleep(5.0)
     clock.stop()
+
+
+def test_a_simulator_that_fails_is_named_with_its_file_and_line() -> None:
+    clock, left = VirtualClock(), [2, 1, 0]
+    server = LineServer(
+        "multimeter",
+        0,
+        clock,
+        clock.lock("world"),
+        lambda _: b"%d\n" % (2 // left.pop(0)),
+        at_once=True,
+    )
+    server.begin()
+    wire = clock.wire(server.address)
+    with clock.participant("run"), socket.create_connection((HOST, server.port)) as client:
+        wire.open()
+        assert [ask(client, wire, clock, b"?\n", 0.5) for _ in left[:2]] == [b"1\n", b"2\n"]
+        wrong = r"the simulator of multimeter has failed: .*by zero, in test_clock\.py:\d+"
+        with pytest.raises(ClockError, match=wrong):
+            ask(client, wire, clock, b"?\n", 0.5)
+        wire.close()
+    server.close()
+    clock.stop()

@@ -70,6 +70,7 @@ INSTRUMENT = """\
   cell_heater:
     driver: lab-oven
     limits: {power: 10 W}
+    simulator: {}
 """
 INTERLOCK = """\
   - {name: oven, when: {instrument: cell_heater, quantity: power, above: 12 W}}
@@ -92,7 +93,8 @@ def laboratory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: heaters\n", encoding="utf-8")
     (info / "entry_points.txt").write_text(
         "[station.roles]\na-heater = heater_role:CELL_HEATER\n"
-        "[station.drivers]\nlab-oven = heater_driver:Oven\n",
+        "[station.drivers]\nlab-oven = heater_driver:Oven\n"
+        "[station.simulators]\nlab-oven = heater_driver:Oven\n",
         encoding="utf-8",
     )
     (site / "heater_role.py").write_text(ROLE, encoding="utf-8")
@@ -151,6 +153,8 @@ def test_a_bench_may_have_it_with_its_limit_and_an_interlock_on_its_quantity(
         ("above: 12 W", "above: 16 W", "so far beyond limits.power of cell_heater, 10 W"),
         ("quantity: power", "quantity: watts", "is no quantity of a cell_heater; it has power"),
         ("driver: lab-oven", "driver: operator-power", "cannot be a cell_heater; it can be dut"),
+        ("driver: lab-oven", "driver: interlock-chain-shared", "has no simulator, and this bench"),
+        (" W}\n    simulator: {}\n", " W}\n", "is missing; a simulated bench needs it, an empty"),
     ],
 )
 def test_what_is_wrong_with_it_is_refused_as_for_any_role(old: str, new: str, fault: str) -> None:
