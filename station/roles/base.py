@@ -39,9 +39,6 @@ NOTED_SHARE, NOTED_GROWTH = 0.1, 1.1
 """An answer time is noted beyond this share of its deadline, and again where it grows so much."""
 
 
-PATIENT_VERBS = ("make_safe", "read_safety", "open_contacts", "pause")
-
-
 class Exchanges:
     """How long each exchange with one instrument may wait for its answer, and how long one did."""
 
@@ -286,15 +283,14 @@ class Driver:
             if getattr(read, "watched", False)
         }
         cls.quantities = {**cls.quantities, **declared}
-        for verb in PATIENT_VERBS:
+        for verb, hold in PATIENT_VERBS.items():
             # Its own, or of a class beside it that is no driver.
             owner = next((base for base in cls.__mro__ if verb in vars(base)), Driver)
             if owner is not cls and issubclass(owner, Driver):
                 continue
-            act = vars(owner)[verb]
+            act: Callable[..., Any] = vars(owner)[verb]
             if callable(act):  # a driver may have something else of this name
-                held = {"make_safe": _bounded, "read_safety": _held_to_reading}.get(verb, _as_it_is)
-                setattr(cls, verb, patience()(held(act)))
+                setattr(cls, verb, patience()(hold(act)))
 
     def error(self, attempted: str, came_back: str, do_now: str) -> InstrumentError:
         """Return an error of this instrument: what was attempted, what came back, what to do."""
@@ -419,6 +415,15 @@ def _held_to_reading(read_safety: Callable[[Any], object]) -> Callable[[Any], Sa
         return reading
 
     return held
+
+
+PATIENT_VERBS: Mapping[str, Callable[[Any], Callable[..., Any]]] = {
+    "make_safe": _bounded,
+    "read_safety": _held_to_reading,
+    "open_contacts": _as_it_is,
+    "pause": _as_it_is,
+}
+"""The verbs of any driver that have patience, and what each is held to besides."""
 
 
 def _in_words(method: str, states: States, driver: Driver) -> float | str | None:
