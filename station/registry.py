@@ -83,6 +83,11 @@ def is_own(entry: EntryPoint) -> bool:
     return entry.module.split(".")[0] in OWN and name_of(entry.dist) == DISTRIBUTION
 
 
+def own_names(group: str) -> list[str]:
+    """Return the names of the station's own entries of a group, whatever else is installed."""
+    return sorted(name for name, entry in offers()[0].get(group, {}).items() if is_own(entry))
+
+
 def package_of(group: str, name: str) -> str:
     """Return name and version of the package that offers an entry; empty for no entry."""
     entry = offers()[0].get(group, {}).get(name)

@@ -25,7 +25,7 @@ def faults() -> str:
         for kind, fault in WIRE_FAULTS.items()
     ]
     having: dict[str, list[str]] = {}
-    for driver in registry.names(registry.SIMULATORS):
+    for driver in registry.own_names(registry.SIMULATORS):
         if driver != registry.SIMULATED_BENCH:
             for kind in applicable_faults(PROTOCOL, driver):
                 having.setdefault(kind, []).append(code(driver))

@@ -28,7 +28,5 @@ def instruments() -> str:
 
 def own_drivers() -> dict[str, type]:
     """Return the drivers that come with the station, by name."""
-    loaded = {
-        name: registry.load(registry.DRIVERS, name) for name in registry.names(registry.DRIVERS)
-    }
-    return {name: one for name, one in loaded.items() if one.__module__.startswith("drivers.")}
+    names = registry.own_names(registry.DRIVERS)
+    return {name: registry.load(registry.DRIVERS, name) for name in names}

@@ -61,10 +61,7 @@ def dataset_keys() -> str:
 
 def built_in() -> Iterator[Procedure]:
     """Yield the procedures that come with the station."""
-    for name in registry.names(registry.PROCEDURES):
-        procedure = procedure_of(name)
-        if procedure.parameters.__module__.startswith("procedures."):
-            yield procedure
+    yield from map(procedure_of, registry.own_names(registry.PROCEDURES))
 
 
 def procedures() -> str:
@@ -93,11 +90,9 @@ def procedures() -> str:
 def drivers() -> str:
     """Return the drivers with what their docstrings say, and the settings of each."""
     rows, settings = [], []
-    simulated = set(registry.names(registry.SIMULATORS))
-    for name in registry.names(registry.DRIVERS):
+    simulated = set(registry.own_names(registry.SIMULATORS))
+    for name in registry.own_names(registry.DRIVERS):
         driver = registry.load(registry.DRIVERS, name)
-        if not driver.__module__.startswith("drivers."):
-            continue
         module = importlib.import_module(driver.__module__)
         about = " ".join((driver.__doc__ or "").partition(TITLE)[0].split())
         has = "yes" if name in simulated else "no"

@@ -44,11 +44,17 @@ def section(role: Role) -> Iterator[str]:
 
 
 def verb_rows(role: Role) -> list[tuple[str, str]]:
-    """Return each verb with its parameters, and the first line of its docstring."""
+    """Return each verb with its parameters, their types, and the first line of its docstring."""
     return [
-        (code(f"{name}({', '.join(parameters)})"), described(role, name))
-        for name, parameters in role.verbs.items()
+        (code(f"{name}{signature_of(role, name)}"), described(role, name)) for name in role.verbs
     ]
+
+
+def signature_of(role: Role, verb: str) -> str:
+    """Return a verb's parameters and what it returns, with their types as the Protocol has them."""
+    signature = inspect.signature(getattr(role.protocol, verb))
+    _, *given = signature.parameters.values()
+    return str(signature.replace(parameters=given)).replace("'", "")
 
 
 def described(role: Role, verb: str) -> str:

@@ -9,8 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from sim_instruments.bench import SimulatedBench, installed_simulators
+from sim_instruments.bench import SimulatedBench
 from sim_instruments.instrument import Setting, SimulatedInstrument
+from station import registry
 from station.clock import VirtualClock
 
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "support"))
@@ -28,9 +29,9 @@ ANSWERS = ("9.9E+37", "CMD_NOT_DEFINED, CMD_ARG_INVALID")
 @cache
 def simulator_of(driver: str) -> Any:
     """Return the simulator of a driver's model, which served once; None where there is none."""
-    maker = installed_simulators().get(driver)
-    if maker is None:
+    if driver not in registry.own_names(registry.SIMULATORS):
         return None
+    maker = registry.load(registry.SIMULATORS, driver)
     made: list[SimulatedInstrument] = []
 
     def kept(setting: Setting) -> SimulatedInstrument:

@@ -110,6 +110,25 @@ def test_one_broken_package_costs_only_its_own_entries(
     )
 
 
+def test_the_reference_pages_are_made_beside_a_broken_package(tmp_path: Path) -> None:
+    site = package(tmp_path / "site", "labware", module=MODULES["raises"])
+    program = (
+        "import reference_faults, reference_instruments, reference_keys\n"
+        "print(reference_faults.faults(), reference_keys.drivers(), reference_keys.procedures())\n"
+        "print(*reference_instruments.own_drivers())\n"
+    )
+    places = f"{ROOT / 'docs' / 'from_code'}{os.pathsep}{beside_ours(site)}"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": places},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "kepco-bop-36-12" in done.stdout
+    assert "lab-" not in done.stdout
+
+
 def test_what_loads_and_is_no_procedure_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
