@@ -163,7 +163,9 @@ class StepRunner:
             words = "; ".join(f"{reading.instrument}: {reading.read_back}" for reading in doubted)
             self._remember(WITNESS, words, set())
         self._close()
-        run.record.note("run-ended", complete=outcome.error is None)
+        # What is no fault ends steps, too: SystemExit of one that calls exit().
+        complete = outcome.error is None and outcome.exit_code == 0
+        run.record.note("run-ended", complete=complete)
         run.record.close()
         if self._stillness is not None:
             self._stillness.end()

@@ -146,6 +146,25 @@ def test_ctrl_c_at_the_end_of_the_last_step_ends_the_run(
     assert outcome.document is None
 
 
+def test_a_step_that_leaves_the_program_is_not_recorded_as_a_complete_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noted = RunRecord.event
+    records: list[RunRecord] = []
+
+    def note(record: RunRecord, kind: str, **details: Any) -> None:
+        noted(record, kind, **details)
+        if kind == "step-finished":
+            records.append(record)
+            raise SystemExit(0)
+
+    monkeypatch.setattr(RunRecord, "event", note)
+    with pytest.raises(SystemExit):
+        short_run(tmp_path, plan=ONE_AXIS)
+    (ended,) = RunFolder(records[0].path).events_of("run-ended")
+    assert ended.details["complete"] is False
+
+
 def test_a_folder_that_cannot_be_sealed_keeps_back_no_word_of_the_bench(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
