@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.common.inputs import Declared, cosine_u, with_unstated
+from procedures.common.stage_and_meter import (
+    MULTIMETER,
+    STAGE,
+    THERMOMETER,
+    USUAL_DEGC,
+    gain_and_zero,
+    overloads,
+    row_of,
+)
 from station.findings import Covariance, Findings, Flag, InputQuantity, findings_of
 
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
 from .from_import import Conditions, dataset_of_import
-from .measuring import (
-    AXIS_COLUMN,
-    FULL_TURN_DEG,
-    GAUSSMETER,
-    MULTIMETER,
-    STAGE,
-    T_PER_MT,
-    THERMOMETER,
-    USUAL_DEGC,
-)
+from .measuring import AXIS_COLUMN, FULL_TURN_DEG, GAUSSMETER, T_PER_MT
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, AnalysisSettings, Point
 
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
-ARRIVAL = "arrival_time_s"
 GRAVITY, WARMTH, STAGE_ANGLE = "local_gravity", "thermometer_degC", "stage_angle_rad"
 PROBE, AMBIENT = "probe_cosine", "ambient_field_T"
 INPUTS: Declared = {
@@ -67,11 +66,7 @@ def findings_of_run(
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
     findings = _findings(analysis, dataset, type_b_inputs(parameters, bench))
-    count = sum(
-        int((folder.rows(MULTIMETER, point.unit)["overload"] != 0).sum())
-        for point in parameters.points
-        if point.unit in folder.finished_units()
-    )
+    count = overloads(folder)
     if not count or any(flag.code == "overload" for flag in findings.flags):
         return findings
     message = (
@@ -149,22 +144,12 @@ def row_of_point(
     folder: RunFolder, point: Point, parameters: AccelerometerParameters, bench: Bench
 ) -> tuple[float, float, float, float, float]:
     """Return a point's time (s), angle (deg), field (T), output (V) and temperature (degC)."""
-    meter = folder.rows(MULTIMETER, point.unit)
-    good = meter["overload"] == 0
-    usable = meter[good] if good.any() else meter
     field = folder.rows(GAUSSMETER, point.unit)
     valid = field[AXIS_COLUMN][field["state"] == 0]
     field_T = float(valid.mean()) if valid.size else np.nan
-    output_V = float(usable["voltage_V"].mean())
     field_T = bench.corrected(GAUSSMETER, "field", field_T / T_PER_MT, "mT") * T_PER_MT
-    output_V = bench.corrected(MULTIMETER, "voltage", output_V, "V")
-    temperature_degC = np.nan
-    if parameters.temperature:
-        read_degC = float(folder.rows(THERMOMETER, point.unit)["temperature_degC"].mean())
-        temperature_degC = bench.corrected(THERMOMETER, "temperature", read_degC, "degC")
-    read_deg = float(folder.rows(STAGE, point.unit)["angle_deg"][-1])
-    angle_deg = bench.corrected(STAGE, "angle", read_deg, "deg")
-    return float(meter[ARRIVAL].mean()), angle_deg, field_T, output_V, temperature_degC
+    time_s, angle_deg, output_V, temperature_degC = row_of(folder, point.unit, parameters, bench)
+    return time_s, angle_deg, field_T, output_V, temperature_degC
 
 
 def range_of(folder: RunFolder, unit: str) -> float:
@@ -183,13 +168,10 @@ def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> Iterator
         (GAUSSMETER, "field", parameters.largest_field_mT, "mT", "T", T_PER_MT),
         (MULTIMETER, "voltage", parameters.scale_factor_V_per_g, "V", "V", 1.0),
     ):
-        u, source = bench.stated(instrument, quantity, largest, unit) or (None, "")
-        at_zero, _ = bench.stated(instrument, quantity, 0.0, unit) or (0.0, "")
-        # The part at zero is common to all readings; the part that grows is a gain.
-        gain = None if u is None else math.sqrt(max(u**2 - at_zero**2, 0.0)) / largest
-        zero = None if u is None else at_zero * factor
+        gain, zero, source = gain_and_zero(bench, instrument, quantity, largest, unit)
         yield _input(f"{quantity}_gain", gain, f"{source}, at {largest:g} {unit}")
-        yield _input(f"{quantity}_offset_{offset_unit}", zero, source)
+        offset = None if zero is None else zero * factor
+        yield _input(f"{quantity}_offset_{offset_unit}", offset, source)
     for name, instrument, quantity, at, unit in (
         (STAGE_ANGLE, STAGE, "angle", 0.0, "rad"),
         (WARMTH, THERMOMETER, "temperature", USUAL_DEGC, "degC"),

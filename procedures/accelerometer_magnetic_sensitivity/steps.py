@@ -6,21 +6,18 @@ from collections.abc import Iterable
 from functools import partial
 from itertools import chain, groupby
 
-from station.method.commands import CoilOff, CoilOn, Homing, Power
-from station.method.duration import on_the_way
+from procedures.common.stage_and_meter import POWER, STAGE, AtStage, find_zero, first_range
+from station.method.commands import CoilOff, CoilOn, Power
 from station.method.run import Run
-from station.method.verbs import come_to_rest, record_published, require_off
+from station.method.verbs import record_published, require_off
 from station.procedure import Prompt, Step
 from station.roles import DirectCurrentSupply, Gaussmeter, RotaryStage
 
 from .measuring import (
     GAUSSMETER,
-    POWER,
-    STAGE,
     SUPPLY,
     BenchState,
     drive,
-    first_range,
     measure,
     ramping_to,
     rms_field_mT,
@@ -28,7 +25,7 @@ from .measuring import (
 )
 from .parameters import AccelerometerParameters, Point
 
-RANGE_HEADROOM, HOMING_S = 1.5, 10.0
+RANGE_HEADROOM = 1.5
 DEGAUSS_STEPS, DEGAUSS_RATIO, DEGAUSS_HOLD_S = 12, 0.65, 0.5
 MOUNTINGS = {
     "io": "its pendulous axis (PA) along the stage's horizontal axis, its input axis (IA) level at "
@@ -71,12 +68,10 @@ def set_up(run: Run) -> None:
         return
     run.role(SUPPLY, DirectCurrentSupply).programme_limits()
     run.role(STAGE, RotaryStage).programme_limits()
-    if run.apply(Homing(STAGE)):
-        come_to_rest(run, STAGE, "the stage looks for its zero", takes=on_the_way(HOMING_S))
+    find_zero(run)
     run.role(GAUSSMETER, Gaussmeter).start(RANGE_HEADROOM * parameters.largest_field_mT)
-    place = run.state(BenchState)
-    place.range_V = run.apply(first_range(parameters))
-    place.rms_mT = rms_field_mT(parameters)
+    run.state(AtStage).range_V = run.apply(first_range(parameters))
+    run.state(BenchState).rms_mT = rms_field_mT(parameters)
     run.apply(Power(POWER, True))
     run.wait(parameters.warm_up_s, "the accelerometer warms up")
     energise(run)
