@@ -302,6 +302,32 @@ PARAMETERS = {
         "thresholds.outlier": "robust standard deviations beyond which a sample is left out",
         "thresholds.drift_removed": "standard uncertainties beyond which a ramp is named",
     },
+    "accelerometer-tumble": {
+        "mountings": "how the accelerometer is mounted, in this order: plane `io` or `ip`, "
+        "`-reversed` by 180 deg about its input axis",
+        "heads": "places of the fixture on the stage's head, all mountings at each; 90 deg beside "
+        "0 deg frees Kiii of the encoder",
+        "positions": "in a turn, evenly from 0 deg",
+        "up_and_down": "whether the positions are gone through downwards, too",
+        "dwell": "time at rest before a position is read",
+        "readings": "readings of the voltmeter at each position",
+        "nplc": "integration time of a reading in periods of the mains",
+        "reading_noise": "expected standard deviation of a reading, for expected uncertainties",
+        "scale_factor": "nominal scale factor; the voltmeter's range follows from it",
+        "warm_up": "time between switching on and the first position",
+        "temperature": "whether the thermometer is read at each position",
+        "local_gravity": "gravity where the stage stands",
+        "local_gravity_uncertainty": "its standard uncertainty; not stated unless given",
+        "encoder_accuracy": "standard uncertainty of each of the encoder's first two harmonics; "
+        "what the stage's record says of its `graduation` unless given",
+        "mounting_repeatability": "standard uncertainty of the angle of each mounting",
+        "thresholds": "where flags are raised",
+        "thresholds.not_significant": "standard uncertainties below which a coefficient is noise",
+        "thresholds.outlier": "robust standard deviations beyond which a reading is left out",
+        "thresholds.model_too_stiff": "lag-1 correlation of the residuals",
+        "thresholds.nuisance": "standard deviations of what is stated beyond which an angle of "
+        "encoder or mounting is named",
+    },
     "gyro-rate-table": {
         "latitude": "of the bench, north positive",
         "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "

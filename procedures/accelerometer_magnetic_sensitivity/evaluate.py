@@ -19,10 +19,10 @@ from procedures.common.stage_and_meter import (
     THERMOMETER,
     USUAL_DEGC,
     gain_and_zero,
-    overloads,
     row_of,
+    with_overloads,
 )
-from station.findings import Covariance, Findings, Flag, InputQuantity, findings_of
+from station.findings import Covariance, Findings, InputQuantity, findings_of
 
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
@@ -66,15 +66,7 @@ def findings_of_run(
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
     findings = _findings(analysis, dataset, type_b_inputs(parameters, bench))
-    count = overloads(folder)
-    if not count or any(flag.code == "overload" for flag in findings.flags):
-        return findings
-    message = (
-        f"{count} readings of the voltmeter were overloads; they are left out, and their points "
-        "were measured again on a higher range."
-    )
-    overload = Flag("overload", message, None, {"count": count})
-    return replace(findings, flags=[*findings.flags, overload])
+    return with_overloads(findings, folder)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:

@@ -98,6 +98,8 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         depends = {"multimeter_gain": value, "local_gravity": -power * value / dataset.gravity_g}
         if name == "K0":
             depends["multimeter_zero"] = 1.0
+        if fixture := terms[name].get("Kf"):
+            depends["encoder_zero"] = fixture * solution.of("Ki")
         if name in ("K0", "Ki"):
             extra |= held_at
         if (warmth := solution.slow.get(f"{name}_T")) is not None:
@@ -116,6 +118,8 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         depends = {}
         if name == "bias":
             depends = {"multimeter_zero": per_unit, "local_gravity": value / dataset.gravity_g}
+        if name == "fixture_error":
+            depends = {"encoder_zero": factor}
         estimates.append(_estimate((name, axis, unit), value, gradient, solution, depends, {}))
     return estimates
 

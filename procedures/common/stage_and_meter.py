@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from station import registry
 from station.errors import InstrumentError
+from station.findings import Findings, Flag
 from station.method.commands import Angle, Homing, MeterRange
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.run import NO_ROWS, Rates, Run
@@ -249,10 +250,18 @@ def row_of(
     return float(meter[ARRIVAL].mean()), angle_deg, output_V, temperature_degC
 
 
-def overloads(folder: RunFolder) -> int:
-    """Return how many readings of the voltmeter said overload in the finished units of work."""
+def with_overloads(findings: Findings, folder: RunFolder) -> Findings:
+    """Return findings with the flag of readings that said overload in finished points, if any."""
     units = folder.finished_units()
-    return sum(int((folder.rows(MULTIMETER, unit)["overload"] != 0).sum()) for unit in units)
+    count = sum(int((folder.rows(MULTIMETER, unit)["overload"] != 0).sum()) for unit in units)
+    if not count or any(flag.code == "overload" for flag in findings.flags):
+        return findings
+    message = (
+        f"{count} readings of the voltmeter were overloads; they are left out, and their points "
+        "were measured again on a higher range."
+    )
+    overload = Flag("overload", message, None, {"count": count})
+    return replace(findings, flags=[*findings.flags, overload])
 
 
 def gain_and_zero(

@@ -241,9 +241,7 @@ class AccelerometerBench(World):
         turning = self._turns(pieces)
         slow = nodes_within(pieces.starts_s, pieces.ends_s, SLOW_PANEL_S, SLOW_ORDER)
         temperature = slow.mean(self.dut_temperature_degC(slow.time_s))
-        angle = self._device_angle(pieces.middles_s)
-        acceleration = acceleration_g(self._plane(pieces.middles_s), angle, self._tilt_rad)
-        parts = self.accelerometer.by_field(acceleration, temperature)
+        parts = self.accelerometer.by_field(self._acceleration(pieces.middles_s), temperature)
         field, squared = self._mean_field(pieces.edges_s)
         means = parts[0] + parts[1] * field + parts[2] * squared
         if turning.any():
@@ -286,9 +284,8 @@ class AccelerometerBench(World):
     def _mean_while_turning(self, nodes: Nodes) -> Array:
         times = nodes.time_s
         field = self.device_ambient_T + self.device_T_per_A * self._current.current(times)
-        angle = self._device_angle(times)
-        acceleration = acceleration_g(self._plane(times), angle, self._tilt_rad)
-        parts = self.accelerometer.by_field(acceleration, self.dut_temperature_degC(times))
+        temperature = self.dut_temperature_degC(times)
+        parts = self.accelerometer.by_field(self._acceleration(times), temperature)
         return nodes.mean(parts[0] + parts[1] * field + parts[2] * field**2)
 
     def _mean_field(self, edges_s: Array) -> tuple[Array, Array]:
@@ -315,11 +312,19 @@ class AccelerometerBench(World):
         )
         return np.asarray((begin != middle) | (middle != end))
 
+    def _acceleration(self, time_s: Array) -> Array:
+        """Return the specific force on IA, OA, PA in g, shape (n, 3)."""
+        return acceleration_g(self._plane(time_s), self._device_angle(time_s), self._tilt_rad)
+
     def _device_angle(self, time_s: Array) -> Array:
         return self._sense * self.rotation.angle_deg(time_s) + self.angle_offset_deg
 
     def _plane(self, time_s: Array) -> Indices:
-        return np.array(self._planes)[np.searchsorted(self._mounted_s, time_s, side="right")]
+        return np.array(self._planes)[self._mounting(time_s)]
+
+    def _mounting(self, time_s: Array) -> Indices:
+        """Return how often the device had been mounted by each time."""
+        return np.searchsorted(self._mounted_s, time_s, side="right")
 
     def _room(self, time_s: Array) -> Array:
         swing = np.sin(2.0 * np.pi * time_s / self._swing_s)

@@ -46,6 +46,14 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.nplc=1",
         "parameters.warm_up=30 s",
     ),
+    "accelerometer-tumble": (
+        "parameters.mountings=[io, io-reversed, ip]",
+        "parameters.positions=8",
+        "parameters.dwell=1 s",
+        "parameters.readings=2",
+        "parameters.nplc=1",
+        "parameters.warm_up=30 s",
+    ),
     "serf-nonorthogonality": (
         "parameters.record=60 ms",
         "parameters.depolarise.duration=2 s",

@@ -298,8 +298,11 @@ def unlike(folder: Path, reference: Path) -> Iterator[str]:
                 yield f"{what} is {one['value']}, undisturbed {other['value']}"
             continue
         u = math.hypot(one["standard_uncertainty"], other["standard_uncertainty"])
-        warmer = PER_DEGC.get(one["name"], 0.0) and warmth_K(folder) - warmth_K(reference)
-        expected_value = other["value"] + warmer * PER_DEGC.get(one["name"], 0.0)
+        per_degC = PER_DEGC.get(one["name"], 0.0)
+        if (one["name"], one["unit"]) == ("bias", "g"):
+            per_degC = PER_DEGC["K0"]  # over a scale factor of 1 V/g
+        warmer_K = per_degC and warmth_K(folder) - warmth_K(reference)
+        expected_value = other["value"] + warmer_K * per_degC
         allowed = UNITS_OF_UNCERTAINTY * u + of_another_mean(one, other, expected)
         if abs(one["value"] - expected_value) > allowed:
             yield f"{what} is {one['value']}, undisturbed {other['value']}, u {u}"

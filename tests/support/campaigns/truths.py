@@ -13,6 +13,7 @@ from short_forms import BENCH, read_bench_at, short
 from station.files.lookup import BENCHES, find
 
 AT_A_MEAN_TEMPERATURE = ("K0", "Ki")
+ARCSEC_PER_RAD = 3600.0 * 180.0 / math.pi
 BY_CHANCE = 1e-6
 """How often a result that is right may lie further off. That is 4.9 u where a record leaves many
 degrees of freedom, and 49 u at four: a campaign holds tens of thousands of results against this."""
@@ -33,6 +34,24 @@ def accelerometer_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> 
     if result["value"] is None or result["name"] in AT_A_MEAN_TEMPERATURE:
         return None
     true = bench["simulation"]["accelerometer"]["coefficients"]
+    return float(sum(factor * number(true[name]) for name, factor in result["terms"].items()))
+
+
+def tumble_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the sum of coefficients, or the angle, that a result of a tumble test stands for.
+
+    The angle of the fixture is that to the encoder's zero.
+    """
+    true = {**bench["simulation"]["accelerometer"]["coefficients"], "Kop": "0 V/g^2"}
+    fixture = number(bench["simulation"]["tumble"]["fixture_error"])
+    scale = number(true["Ki"])
+    true["Kf"] = f"{scale * fixture / ARCSEC_PER_RAD} V/g"
+    if result["name"] == "fixture_error":
+        return fixture
+    if result["name"] == "misalignment":
+        return number(true[f"K{result['axis']}"]) / scale * ARCSEC_PER_RAD
+    if result["name"] in AT_A_MEAN_TEMPERATURE or "terms" not in result:
+        return None
     return float(sum(factor * number(true[name]) for name, factor in result["terms"].items()))
 
 
@@ -160,6 +179,7 @@ def rate_table_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> flo
 TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
     "rlg-magnetic-sensitivity": rlg_truth,
     "accelerometer-magnetic-sensitivity": accelerometer_truth,
+    "accelerometer-tumble": tumble_truth,
     "fog-scale-factor-temperature": fog_truth,
     "serf-nonorthogonality": serf_truth,
     "nine-axis-calibration": nine_axis_truth,

@@ -81,6 +81,7 @@ SPEEDS: Mapping[str, float] = {
     "rlg-magnetic-sensitivity": 15.0,
     "rlg-magnetic-sensitivity-simultaneous": 25.0,
     "accelerometer-magnetic-sensitivity": 10.0,
+    "accelerometer-tumble": 10.0,
     "serf-nonorthogonality": 4.0,
     "fog-scale-factor-temperature": 30.0,
     "nine-axis-calibration": 15.0,
