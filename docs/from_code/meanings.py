@@ -328,6 +328,41 @@ PARAMETERS = {
         "thresholds.nuisance": "standard deviations of what is stated beyond which an angle of "
         "encoder or mounting is named",
     },
+    "gyro-bias-temperature": {
+        "latitude": "of the chamber, north positive",
+        "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
+        "bias; not stated unless given",
+        "input_axis": "where the positive input axis points",
+        "input_axis.NAME.azimuth": "clockwise from north",
+        "input_axis.NAME.elevation": "above level",
+        "attitude_uncertainty": "standard uncertainty of azimuth and of elevation",
+        "sample_interval": "time between two counts of the board",
+        "row_interval": "over which counts and temperatures are averaged for the analysis",
+        "pulse_weight": "angle of one pulse",
+        "channel": "of the acquisition board",
+        "room_temperature": "of the chamber, where the gyro is switched on and where it comes "
+        "back to",
+        "warm_up": "after the switch-on, before the record begins",
+        "soaks": "temperatures of the chamber in their order",
+        "soak": "how long the set-point stands at each",
+        "ramp_up": "how fast the set-point rises",
+        "ramp_down": "how fast it falls",
+        "chamber_interval": "time between two readings of the chamber",
+        "soaked_within": "how near its set-point the chamber's air is at the end of a soak",
+        "chamber_at_most": "longest time in which the chamber comes to room temperature",
+        "reference_temperature": "temperature of the gyro at which the bias is reported",
+        "sensor_lag_prior": "standard uncertainty, known beforehand, of how far the gyro's "
+        "thermometer runs ahead of what its bias follows",
+        "thermometer_uncertainty": "standard uncertainty of the thermometer's offset; not stated "
+        "unless given",
+        "clock": "standard uncertainty of the rate of the station's clock",
+        "thresholds": "where flags are raised",
+        "thresholds.not_significant": "standard uncertainties below which rate sensitivity and "
+        "hysteresis are noise",
+        "thresholds.gap": "longest interval that is no gap, in row intervals",
+        "thresholds.outlier": "robust standard deviations beyond which a row is left out",
+        "thresholds.model_too_stiff": "correlation of neighbouring residuals",
+    },
     "gyro-rate-table": {
         "latitude": "of the bench, north positive",
         "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "

@@ -12,10 +12,10 @@ from procedures.estimation.measured import Measured
 from procedures.estimation.noise import grid_index
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
-from . import UNITS
 from .checks import chamber_lag, data_flags, result_flags, rows_flags, thermometers_of
 from .dataset import FEWEST_ROWS, AnalysisSettings, Array, Index, Soak, TemperatureDataset, soaks_of
 from .model import Setting
+from .parameters import UNITS
 from .solution import PASSED, BiasFit, fit_bias
 
 SETTINGS = AnalysisSettings()
@@ -58,12 +58,13 @@ def analyse(
         interval_s,
         None if dataset.gyro_degC is None else dataset.sensor_lag_prior_s,
         passed_both_ways(temperature),
+        switched_on(dataset, index, grid),
     )
     lag = None
     refused = bool(thermometers.refusals)
     if thermometers.gyro is not None and thermometers.chamber_good and not refused:
-        gap_s = float(np.max(np.diff(dataset.time_s), initial=0.0))
-        lag = chamber_lag(temperature, thermometers.chamber, interval_s, gap_s=gap_s)
+        measured = np.isin(grid, index)
+        lag = chamber_lag(temperature, thermometers.chamber, interval_s, measured)
     soaks = soaks_of(dataset, temperature[index])
     estimates: list[Estimate] = []
     published: list[Published] = []
@@ -100,6 +101,16 @@ def passed_both_ways(temperature: Array) -> bool:
         elif end < begin:
             down |= (places >= end) & (places <= begin)
     return bool(np.mean(up & down) >= PASSED)
+
+
+def switched_on(dataset: TemperatureDataset, index: Index, grid: Index) -> Array:
+    """Return a column of zero mean for each switch-on after the first, on the grid (n,)."""
+    if dataset.switch_on is None:
+        return np.empty((len(grid), 0))
+    numbers = dataset.switch_on[np.searchsorted(index, grid)]
+    columns = [(numbers == number).astype(float) for number in np.unique(numbers)[1:]]
+    columns = [column - column.mean() for column in columns]
+    return np.column_stack([np.empty((len(grid), 0)), *columns])
 
 
 def _solved(

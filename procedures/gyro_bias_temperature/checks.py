@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -35,9 +36,9 @@ from procedures.estimation.recorder import largest_jump
 from procedures.estimation.reml import Stretch, solve
 from station.findings import Estimate, Flag, contradiction
 
-from . import UNITS
 from .dataset import AnalysisSettings, Array, Index, Mask, TemperatureDataset, soaks_of
 from .model import Lags, Setting, lagged
+from .parameters import UNITS
 from .solution import BiasFit
 
 GYRO, CHAMBER, SET_POINT = "gyro_temperature_degC", "chamber_temperature_degC", "set_point_degC"
@@ -69,7 +70,7 @@ SLOW_S = 1800.0
 """Temperatures nearer in time are no second proof."""
 ROWS_LATE = (-60, -45, -30, -20, -15, -10, -5, 5, 10, 15, 20, 30, 45, 60)
 LONGEST_GAP = 0.5
-"""Of the lag."""
+"""Of the lag: a longer gap divides the record."""
 LAG_SHARES = 0.1, 0.5
 """Parts of the lag that are tried with rows read otherwise, which may be of it."""
 SHIFT_SEEN = 30.0
@@ -97,23 +98,42 @@ MOVED_DEGC = 10.0
 
 
 def chamber_lag(
-    gyro: Array, chamber: Array, interval_s: float, good: Mask | None = None, gap_s: float = 0.0
+    gyro: Array, chamber: Array, interval_s: float, good: Mask | None = None
 ) -> Measured | None:
     """Return the first-order lag in s of a gyro's thermometer (n,) behind a chamber's, degC.
 
-    The two may differ by a constant, and begin apart. Rows that are not `good` do not count. None
-    where the chamber hardly moved, or where the longest gap, `gap_s`, is no small part of the lag:
-    the way of the air in it is not known.
+    The two may differ by a constant, and begin apart. Rows that are not `good` do not count; after
+    a stretch of them that is no small part of the lag, in which the way of the air is not known,
+    the two begin apart again. None where the chamber hardly moved.
     """
     rows = np.ones(len(gyro), dtype=bool) if good is None else good
-    if float(np.ptp(chamber)) < MIN_RANGE:
+    measured = np.flatnonzero(rows)
+    if not len(measured) or float(np.ptp(chamber[rows])) < MIN_RANGE:
         return None
+    whole = _lag_of_stretches(gyro, chamber, interval_s, rows, [])
+    longest_s = LONGEST_GAP * whole.value if whole is not None else 0.0
+    gaps = interval_s * np.diff(measured)
+    if whole is None or float(np.max(gaps, initial=0.0)) <= longest_s:
+        return whole
+    again = measured[1:][gaps > longest_s].tolist()
+    return _lag_of_stretches(gyro, chamber, interval_s, rows, again)
+
+
+def _lag_of_stretches(
+    gyro: Array, chamber: Array, interval_s: float, rows: Mask, again: list[int]
+) -> Measured | None:
+    """Return the lag where the two begin apart at the first row and `again` at others."""
     time_s = interval_s * np.arange(len(gyro))
+    edges = [0, *again, len(gyro)]
 
     def columns(lag_s: float) -> Array:
-        begins = np.exp(-time_s / lag_s)
-        whole = np.column_stack([lagged(chamber, lag_s, interval_s), np.ones(len(gyro)), begins])
-        return np.asarray(whole[rows])
+        behind, parts = np.empty(len(gyro)), [np.ones(len(gyro))]
+        for start, stop in pairwise(edges):
+            behind[start:stop] = lagged(chamber[start:stop], lag_s, interval_s)
+            begins = np.zeros(len(gyro))
+            begins[start:stop] = np.exp(-(time_s[start:stop] - time_s[start]) / lag_s)
+            parts.append(begins)
+        return np.column_stack([behind, *parts])[rows]
 
     def left(log_lag: float) -> Array:
         behind, *rest = columns(float(np.exp(log_lag))).T
@@ -130,8 +150,6 @@ def chamber_lag(
         lambda tried: float(np.sum(left(tried) ** 2)), bounds=(grid[at - 1], grid[at + 1])
     )
     lag_s = float(np.exp(best.x))
-    if gap_s > LONGEST_GAP * lag_s:
-        return None
     residual = left(best.x)
     derivative = (left(best.x + 1e-3) - left(best.x - 1e-3)) / (2e-3 * lag_s)
     own = columns(lag_s)[:, 1:]

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from procedures.common.conditions import OfGyros
+from procedures.common.switch_ons import GYRO
+from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import Direction
+from procedures.estimation.pulses import pulses_of
 from station.dataset_checks import CLOSE
 from station.dataset_reading import Table, refuse
-from station.fields import Unit
+from station.errors import MissingRows
+from station.fields import InputAxis, Unit
 from station.findings import FlagThresholds
+
+from .parameters import RAMP, SOAK, BiasTemperatureParameters
+from .steps import CHAMBER
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
+    from station.record.folder import RunFolder
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,11 +36,12 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class TemperatureDataset:
-    """A gyro or a triad at rest in a chamber, one switch-on, a row an interval; gaps are possible.
+    """A gyro or a triad at rest in a chamber, a row an interval; gaps are possible.
 
     `time_s` (n,) rises and is the middle of each interval. `rate_deg_per_h` (n, axes) holds the
     earth's rate, `gyro_degC` (n,) is the gyro's own thermometer, None without one; `soaking` says
-    that the set-point stands. `sensor_lag_prior_s` is the standard uncertainty of how far the
+    that the set-point stands. `switch_on` (n,) counts the switch-ons of a run that was resumed,
+    None where there is one only. `sensor_lag_prior_s` is the standard uncertainty of how far the
     thermometer runs ahead of what the bias follows.
     """
 
@@ -46,6 +56,7 @@ class TemperatureDataset:
     rate_deg_per_h: Array
     gyro_degC: Array | None
     chamber_degC: Array
+    switch_on: Index | None = None
 
     @property
     def temperature_degC(self) -> Array:
@@ -86,7 +97,7 @@ def soaks_of(dataset: TemperatureDataset, temperature: Array) -> tuple[Soak, ...
 
 
 TO_MIDDLE = {"interval-start": 0.5, "interval-middle": 0.0, "interval-end": -0.5}
-PHASES = ("soak", "ramp")
+PHASES = (SOAK, RAMP)
 OWN = "gyro_temperature_degC"
 COLUMNS = ("t_s", "phase", "set_point_degC", "chamber_temperature_degC")
 FEWEST_ROWS = 60
@@ -113,22 +124,27 @@ def dataset_of_import(raw: RawDataset) -> tuple[TemperatureDataset, Conditions]:
     _check(table, conditions.sample_interval_s)
     own = table.get(OWN)
     dataset = TemperatureDataset(
-        directions={
-            name: Direction(np.deg2rad(direction.azimuth_deg), np.deg2rad(direction.elevation_deg))
-            for name, direction in conditions.input_axis.items()
-        },
+        directions=directions_of(conditions.input_axis),
         latitude_rad=float(np.deg2rad(conditions.latitude_deg)),
         sample_interval_s=conditions.sample_interval_s,
         reference_degC=conditions.reference_temperature_degC,
         sensor_lag_prior_s=conditions.sensor_lag_prior_s,
         time_s=table["t_s"] + TO_MIDDLE[conditions.timestamp] * conditions.sample_interval_s,
-        soaking=table["phase"] == "soak",
+        soaking=table["phase"] == SOAK,
         set_point_degC=table["set_point_degC"],
         rate_deg_per_h=np.column_stack([table[name] for name in rates]),
         gyro_degC=own,
         chamber_degC=table["chamber_temperature_degC"],
     )
     return dataset, conditions
+
+
+def directions_of(axes: Mapping[Any, InputAxis]) -> dict[str, Direction]:
+    """Return where the input axes point, by their names."""
+    return {
+        name: Direction(np.deg2rad(axis.azimuth_deg), np.deg2rad(axis.elevation_deg))
+        for name, axis in axes.items()
+    }
 
 
 def _check(table: Table, interval_s: float) -> None:
@@ -147,3 +163,92 @@ def _check(table: Table, interval_s: float) -> None:
             what = f"rows are {usual:.4g} s apart, the sample interval is {interval_s:g} s"
             faults.append(table.fault(1, "t_s", what))
     refuse(faults[:20])
+
+
+FILLED = 0.9
+"""Part of a row's samples that it must have."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples (n,) of one switch-on: `time_s` the middle of each, `leg` its unit's number."""
+
+    switch_on: int
+    time_s: Array
+    rate_deg_per_h: Array
+    gyro_degC: Array
+    leg: Index
+
+
+def dataset_of_run(
+    folder: RunFolder, parameters: BiasTemperatureParameters, bench: Bench
+) -> TemperatureDataset:
+    """Return the finished ramps and soaks of a run as rows, means of the board's samples.
+
+    An interval whose count or that before it was lost is left out; a row of which a tenth is
+    missing is none. The set-point of a soak is the commanded one, on a ramp as it was read back.
+    """
+    units = folder.finished_units()
+    pulse = parameters.pulse_weight_arcsec * float(bench.corrected(GYRO, "scale", 1.0, "1"))
+    samples = list(_samples(folder, pulse, parameters.sample_interval_s))
+    if not sum(len(of_one.time_s) for of_one in samples):
+        raise MissingRows("soaks and ramps", "no samples of the gyro are recorded")
+    time_s = np.concatenate([of_one.time_s for of_one in samples])
+    leg = np.concatenate([of_one.leg for of_one in samples])
+    number = np.concatenate([np.full(len(s.time_s), s.switch_on) for s in samples])
+    row_s, begin_s = parameters.row_interval_s, time_s[0] - 0.5 * parameters.sample_interval_s
+    row = ((time_s - begin_s) / row_s).astype(np.int64)
+    counts = np.bincount(row)
+    full = counts >= FILLED * row_s / parameters.sample_interval_s
+    middle_s = (begin_s + row_s * (np.arange(len(counts)) + 0.5))[full]
+
+    def means(name: str) -> Array:
+        values = np.concatenate([getattr(of_one, name) for of_one in samples])
+        return np.bincount(row, values)[full] / counts[full]
+
+    nearest = np.minimum(np.searchsorted(time_s, middle_s), len(time_s) - 1)
+    facts = list(units.values())
+    soaking = np.array([facts[at]["phase"] == SOAK for at in leg[nearest]])
+    commanded = np.array([float(facts[at]["set_point_degC"]) for at in leg[nearest]])
+    chamber = np.concatenate([folder.rows(CHAMBER, unit) for unit in units])
+    read_s = chamber["arrival_time_s"]
+    on_ramp = np.interp(middle_s, read_s, chamber["set_point_degC"])
+    own = means("gyro_degC")
+    return TemperatureDataset(
+        directions=directions_of(parameters.input_axis),
+        latitude_rad=float(np.deg2rad(parameters.latitude_deg)),
+        sample_interval_s=row_s,
+        reference_degC=parameters.reference_temperature_degC,
+        sensor_lag_prior_s=parameters.sensor_lag_prior_s,
+        time_s=middle_s,
+        soaking=soaking,
+        set_point_degC=np.where(soaking, commanded, np.round(on_ramp, 3)),
+        rate_deg_per_h=means("rate_deg_per_h")[:, None],
+        gyro_degC=own if np.isfinite(own).any() else None,
+        chamber_degC=np.interp(middle_s, read_s, chamber["process_value_degC"]),
+        switch_on=number[nearest],
+    )
+
+
+def _samples(folder: RunFolder, pulse_arcsec: float, interval_s: float) -> Iterator[Samples]:
+    """Yield the samples of each switch-on, all its finished units together."""
+    units = list(folder.finished_units().items())
+    for number in sorted({int(details["switch_on"]) for _, details in units}):
+        rows, legs = [], []
+        for at, (unit, details) in enumerate(units):
+            if details["switch_on"] == number:
+                rows.append(folder.rows(GYRO, unit))
+                legs.append(np.full(len(rows[-1]), at))
+        table = np.concatenate(rows)
+        sequence = unwrapped(table["sequence"])
+        line = align(sequence, table["arrival_time_s"], interval_s)
+        whole = np.diff(sequence) == 1
+        # Read at the end of each interval; that of a row is the mean over it.
+        read = table["temperature_degC"].astype(np.float64)
+        yield Samples(
+            number,
+            line.run_time_s(sequence[1:] - 0.5)[whole],
+            pulses_of(table["counts"])[whole] * pulse_arcsec / line.rate,
+            (0.5 * (read[1:] + read[:-1]))[whole],
+            np.concatenate(legs)[1:][whole],
+        )

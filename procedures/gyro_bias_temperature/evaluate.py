@@ -2,35 +2,86 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from numpy.polynomial import Chebyshev
 
+from procedures.common.switch_ons import GYRO
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .dataset import dataset_of_import
+from .dataset import (
+    AnalysisSettings,
+    Conditions,
+    TemperatureDataset,
+    dataset_of_import,
+    dataset_of_run,
+)
+from .parameters import BiasTemperatureParameters
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
+    from station.instruments.bench import Bench
+    from station.record.folder import RunFolder
 
-WARMTH = "thermometer_degC"
+WARMTH, CLOCK, PULSE = "thermometer_degC", "clock", "pulse_weight"
+PPM = 1e-6
+SETTINGS = AnalysisSettings()
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says."""
     dataset, conditions = dataset_of_import(raw)
-    u_arcmin, source = conditions.attitude_uncertainty_arcmin, "the dataset's conditions"
-    inputs = list(attitude_inputs(dataset.directions, u_arcmin, source))
+    return _findings(dataset, conditions, "the dataset's conditions")
+
+
+def findings_of_run(
+    folder: RunFolder, parameters: BiasTemperatureParameters, bench: Bench
+) -> Findings:
+    """Return what a run's finished ramps and soaks say, type B inputs from plan and bench file."""
+    dataset = dataset_of_run(folder, parameters, bench)
+    u_clock = parameters.clock_ppm * PPM
+    inputs = [InputQuantity(CLOCK, "rate of the station's clock", u_clock, "1", "the plan")]
+    record = (GYRO, "scale", 1.0, "1")
+    inputs += bench.stated_input(record, PULSE, "weight of a pulse", relative=True)
+    settings = AnalysisSettings(**dict(parameters.thresholds))
+    findings = _findings(dataset, parameters, "the plan", settings, inputs)
+    by_board = [_by_board(dataset, estimate) for estimate in findings.estimates]
+    return replace(findings, estimates=by_board)
+
+
+def _findings(
+    dataset: TemperatureDataset,
+    given: Conditions | BiasTemperatureParameters,
+    source: str,
+    settings: AnalysisSettings = SETTINGS,
+    more: Sequence[InputQuantity] = (),
+) -> Findings:
+    """Return what a dataset says, with what `source` gives of uncertainties."""
+    inputs = [
+        *attitude_inputs(dataset.directions, given.attitude_uncertainty_arcmin, source),
+        *more,
+    ]
     about = "offset of the thermometer, by the slope of the bias"
-    u_degC = conditions.thermometer_uncertainty_degC
+    u_degC = given.thermometer_uncertainty_degC
     inputs.append(InputQuantity.if_stated(WARMTH, about, u_degC, "degC", source))
-    findings = findings_of(analyse(dataset), dataset, inputs)
+    findings = findings_of(analyse(dataset, settings), dataset, inputs)
     findings = replace(findings, estimates=[*map(_by_warmth, findings.estimates)])
-    u_arcmin = conditions.latitude_uncertainty_arcmin
+    u_arcmin = given.latitude_uncertainty_arcmin
     return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_arcmin, source)
+
+
+def _by_board(dataset: TemperatureDataset, estimate: Estimate) -> Estimate:
+    """Return a bias that depends on the board's pulses and the clock by all that the gyro reads."""
+    if estimate.name != "bias" or estimate.value is None:
+        return estimate
+    direction = dataset.directions[estimate.axis or ""]
+    whole = estimate.value + direction.earth_deg_per_h(dataset.latitude_rad)
+    slopes = {PULSE: whole, CLOCK: -whole}
+    return replace(estimate, sensitivities={**estimate.sensitivities, **slopes})
 
 
 def _by_warmth(estimate: Estimate) -> Estimate:

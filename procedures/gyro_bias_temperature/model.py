@@ -64,13 +64,15 @@ class Setting:
     """Temperature (n,) on the grid of the rows, what is known beforehand, and what is asked for.
 
     `lag_prior_s` is that of the gyro's own thermometer, None where the chamber's is the only one;
-    `step` what a reading of the output is rounded to, in deg/h.
+    `switched` (n, m) has a column of zero mean for each switch-on after the first, whose bias is
+    another; `step` what a reading of the output is rounded to, in deg/h.
     """
 
     temperature: Array
     interval_s: float
     lag_prior_s: float | None
     has_loop: bool
+    switched: Array
     step: float = 0.0
 
     @property
@@ -91,7 +93,7 @@ class Setting:
         return np.asarray((2.0 * temperature - low - high) / (high - low))
 
     def columns(self, order: int, lags_s: Lags, width: float) -> Array:
-        """Return the model's columns (n, p): polynomials 1..order, rate, half the loop."""
+        """Return the model's columns (n, p): polynomials 1..order, rate, half loop, switch-ons."""
         own = self.temperature
         if self.lag_prior_s is None:
             own = lagged(own, lags_s[0] - lags_s[1], self.interval_s)
@@ -100,4 +102,4 @@ class Setting:
         parts = [curve, rate_per_minute(own, self.interval_s)[:, None]]
         if self.has_loop:
             parts.append(0.5 * loop(effective, width)[:, None])
-        return np.column_stack(parts)
+        return np.column_stack([*parts, self.switched])

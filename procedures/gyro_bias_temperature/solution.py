@@ -276,7 +276,8 @@ def _mixed(
     orders = range(max(1, order - FEWER), min(HIGHEST_ORDER, order + MORE) + 1)
     top = orders[-1]
     scale = float(np.linalg.norm(best.solved[0].sizes[:order]))
-    count = top + 1 + setting.has_loop
+    later = setting.switched.shape[1]
+    count = top + 1 + setting.has_loop + later
     precisions = _precisions(orders, count, scale)
     candidates = [
         candidate
@@ -301,6 +302,7 @@ def _mixed(
     covariance = np.einsum("w,wi,wj->ij", part, apart, apart)
     covariance += np.einsum("w,wij->ij", part, np.concatenate(covariances))
     names = [f"c{k}" for k in range(top + 1)] + ["s"] + ["H"] * setting.has_loop
+    names += [f"switch-on {k + 2}" for k in range(later)]
     names = [*names, "lag", "inner"][: len(sizes)]
     number, row = np.unravel_index(int(np.argmin(weighed)), weighed.shape)
     chosen = candidates[int(number)]
@@ -364,7 +366,7 @@ def _candidates(
     """Return the solutions with one half width, whose share beforehand stands beside it."""
     tried, share = width
     count = precisions.shape[1]
-    top = count - 1 - setting.has_loop
+    top = count - 1 - setting.has_loop - setting.switched.shape[1]
     own = stretch(top, tried.lags_s, tried.half_width)
     columns = setting.columns(top, tried.lags_s, tried.half_width)
     at = np.r_[:order, top:count]

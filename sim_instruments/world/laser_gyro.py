@@ -112,14 +112,18 @@ class LaserGyro:
 
     def temperature_degC(self, time_s: Array) -> Array:
         """Return the gyro's temperature at each time."""
-        k = np.searchsorted(self._overheated_since_s, time_s, side="right") - 1
-        extra_K = np.array(self._overheated_K)[np.clip(k, 0, None)]
-        return np.asarray(self._ambient_degC + self._rise_K * self.heat.warmth(time_s) + extra_K)
+        own_K = self._rise_K * self.heat.warmth(time_s)
+        return np.asarray(self._ambient_degC + own_K + self._extra_K(time_s))
 
     def overheat(self, time_s: float, rise_K: float) -> None:
         """Be `rise_K` warmer than the warm-up says from `time_s` on; the rate is as before."""
         self._overheated_since_s.append(time_s)
         self._overheated_K.append(rise_K)
+
+    def _extra_K(self, time_s: Array) -> Array:
+        """Return by how much it is warmer at each time than it should be."""
+        k = np.searchsorted(self._overheated_since_s, time_s, side="right") - 1
+        return np.array(self._overheated_K)[np.clip(k, 0, None)]
 
     def steady_angle_arcsec(
         self, edges_s: Array, field_mT: Array, field_squared_mT2: Array
@@ -213,7 +217,7 @@ class LaserGyroBench(World):
         self._probe_mm = np.array(truth.quantities("probe_position", AXES, "mm"))
         self._move_probe(np.zeros(3), 0.0)
         gyro = truth.section("gyro")
-        self.gyro = LaserGyro(gyro)
+        self.gyro = self._make_gyro(truth)
         mounting = small_rotation(gyro, "mounting_error")
         centre = field_matrix_mT_per_A(self.pairs, np.zeros(3))
         iron = np.diag(1.0 + np.array(gyro.errors("soft_iron", AXES, "1")))
@@ -296,6 +300,10 @@ class LaserGyroBench(World):
                 + np.einsum("aj,njk,ak->na", matrix, products, matrix, optimize=True)
             )
         return self.gyro.steady_angle_arcsec(edges_s, field, squared)
+
+    def _make_gyro(self, truth: Truth) -> LaserGyro:
+        """Return the gyro of this world."""
+        return LaserGyro(truth.section("gyro"))
 
     def _mount(self, time_s: float) -> None:
         self.mounted = True

@@ -104,6 +104,16 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.warm_up=1 min",
         "parameters.cool=1 min",
     ),
+    "gyro-bias-temperature": (
+        "parameters.row_interval=10 s",
+        "parameters.warm_up=2 min",
+        "parameters.soaks=[16 degC, 30 degC]",
+        "parameters.soak=5 min",
+        "parameters.ramp_up=3 degC/min",
+        "parameters.ramp_down=2 degC/min",
+        "parameters.chamber_interval=5 s",
+        "limits.bias_temperature_sensitivity=null",
+    ),
     "commissioning": only("coils"),
 }
 """What makes a plan short, by its name; without an entry it runs as it is shipped. A variant of a

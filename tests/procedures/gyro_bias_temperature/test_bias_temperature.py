@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from bad_input_files import here
 from bias_records import CASES, Gyro, errors_in_u, record
 from numpy.polynomial import chebyshev
 from places import DATA
@@ -145,9 +143,8 @@ def test_an_output_in_other_rows_is_named_by_its_rows(rows: int) -> None:
     assert estimates(found)["bias_rate_sensitivity"].value is None
 
 
-def test_the_lag_behind_the_chamber_is_null_where_the_rows_have_a_long_gap() -> None:
+def test_the_lag_behind_the_chamber_is_found_from_both_sides_of_a_long_gap() -> None:
     dataset = record(Gyro(soak_h=1.0), 201)
-    assert estimates(analyse(dataset))["chamber_lag"].value is not None
     assert dataset.gyro_degC is not None
     kept = np.ones(len(dataset.time_s), dtype=bool)
     kept[100:130] = False
@@ -160,7 +157,9 @@ def test_the_lag_behind_the_chamber_is_null_where_the_rows_have_a_long_gap() -> 
         chamber_degC=dataset.chamber_degC[kept],
         set_point_degC=dataset.set_point_degC[kept],
     )
-    assert estimates(analyse(fewer))["chamber_lag"].value is None
+    lag = estimates(analyse(fewer))["chamber_lag"]
+    assert lag.value is not None and lag.standard_uncertainty is not None
+    assert abs(lag.value - 2100.0) < 3.0 * lag.standard_uncertainty
 
 
 def test_a_lag_is_no_half_interval_late_and_a_loop_has_two_sides() -> None:
@@ -181,10 +180,3 @@ def test_the_report_has_curve_record_residuals_and_a_table() -> None:
         "Residuals over the record, IA",
         "Compensation, IA",
     ]
-
-
-def test_a_plan_of_it_is_refused(tmp_path: Path) -> None:
-    plan = "plan: 1\nprocedure: gyro-bias-temperature\ndut: {model: A, serial: B}\nparameters: {}\n"
-    (tmp_path / "plan.yaml").write_text(plan, encoding="utf-8")
-    done = here(["validate", "plan.yaml"], tmp_path)
-    assert done.returncode == 2 and "station analyse" in done.stderr + done.stdout

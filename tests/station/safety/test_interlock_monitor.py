@@ -144,7 +144,7 @@ def test_a_gyro_that_becomes_too_warm_trips_at_the_next_look() -> None:
         trip = tripped(fixture)
     assert trip.name == "gyro-temperature"
     assert "gyro_acquisition temperature is 7" in str(trip)
-    assert "outside 5 degC to 60 degC" in str(trip)
+    assert "outside -50 degC to 70 degC" in str(trip)
     assert BEGINS_S <= trip.time_s <= BEGINS_S + 11.0
 
 

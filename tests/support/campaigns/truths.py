@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import getitem
 from typing import Any
 
+import numpy as np
 from scipy.stats import t as student
 from short_forms import BENCH, read_bench_at, short
 
@@ -176,6 +178,59 @@ def rate_table_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> flo
     return (1.0 + 1e-6 * number(gyro["scale_factor_error"])) * (1.0 + 1e-6 * ripple * swing)
 
 
+BIAS_SOURCES: Mapping[str, tuple[str, ...]] = {
+    "bias_rate_sensitivity": ("rate_sensitivity",),
+    "hysteresis": ("hysteresis", "size"),
+    "sensor_lag": ("sensor_lag",),
+    "chamber_lag": ("lag",),
+}
+
+
+def bias_temperature_truth(
+    bench: Mapping[str, Any], result: Mapping[str, Any], soaks: Sequence[float] = ()
+) -> float | None:
+    """Return what the simulated gyro in the chamber does, the bias of its switch-on aside.
+
+    Its sensitivity depends on the `soaks` of the plan, degC, its largest slope on the range.
+    """
+    own = bench["simulation"]["bias_temperature"]
+    if (keys := BIAS_SOURCES.get(result["name"])) is not None:
+        text = str(reduce(getitem, keys, own))
+        return number(text) * (60.0 if text.endswith(" min") else 1.0)
+    offset, warmer = (number(own[key]) for key in ("sensor_offset", "self_heating"))
+    if result["name"] == "bias":
+        at = number(result["conditions"]["temperature"])
+        return float(bias_curve(bench, np.array([at - offset]))[0])
+    if result["name"] == "bias_temperature_sensitivity" and soaks:
+        ends = np.array(soaks) + warmer
+        apart = ends[np.abs(ends - REFERENCE_DEGC) >= 5.0]
+        change = bias_curve(bench, apart) - bias_curve(bench, np.array([REFERENCE_DEGC]))
+        return float(np.max(np.abs(change / (apart - REFERENCE_DEGC))))
+    if result["name"] == "largest_bias_slope" and soaks:
+        low, high = min(soaks) + warmer, max(soaks) + warmer
+        edge = 0.05 * (high - low)
+        inner = np.linspace(low + edge, high - edge, 2001)
+        return float(np.max(np.abs(np.gradient(bias_curve(bench, inner), inner))))
+    return None
+
+
+REFERENCE_DEGC = 20.0
+"""Of the shipped plan of a bias over temperature."""
+
+
+def bias_curve(bench: Mapping[str, Any], gyro_degC: np.ndarray) -> np.ndarray:
+    """Return the bias in deg/h of the simulated gyro at temperatures (n,) at rest in mid-loop."""
+    own = bench["simulation"]["bias_temperature"]
+    low, high = (number(own["temperature_range"][end]) for end in ("low", "high"))
+    u = (2.0 * gyro_degC - low - high) / (high - low)
+    return np.asarray(sum(number(text) * u ** int(name[1:]) for name, text in own["curve"].items()))
+
+
+def bias_temperature_short(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
+    """Return the same, but of a bias, whose switch-on has another one."""
+    return None if result["name"] == "bias" else bias_temperature_truth(bench, result)
+
+
 TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | None]] = {
     "rlg-magnetic-sensitivity": rlg_truth,
     "accelerometer-magnetic-sensitivity": accelerometer_truth,
@@ -186,6 +241,7 @@ TRUTHS: Mapping[str, Callable[[Mapping[str, Any], Mapping[str, Any]], float | No
     "commissioning": commissioning_truth,
     "gyro-static-noise": static_truth,
     "gyro-rate-table": rate_table_truth,
+    "gyro-bias-temperature": bias_temperature_short,
 }
 """What a result of a procedure should be; None where the world has no one number for it."""
 
