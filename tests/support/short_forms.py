@@ -112,6 +112,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.ramp_up=3 degC/min",
         "parameters.ramp_down=2 degC/min",
         "parameters.chamber_interval=5 s",
+        "parameters.soaked_within=8 degC",
         "limits.bias_temperature_sensitivity=null",
     ),
     "commissioning": only("coils"),
