@@ -282,12 +282,16 @@ PARAMETERS = {
         "latitude": "of the bench, north positive",
         "latitude_uncertainty": "its standard uncertainty, which the earth's rate brings into the "
         "bias; not stated unless given",
-        "input_axis": "where the positive input axis points",
+        "input_axis": "`IA` of one gyro, or `X`, `Y`, `Z`: where each points; a navigator's up or "
+        "down, each in turn",
         "input_axis.NAME.azimuth": "clockwise from north",
         "input_axis.NAME.elevation": "above level",
         "attitude_uncertainty": "standard uncertainty of azimuth and of elevation",
-        "sample_interval": "time between two counts of the board",
-        "pulse_weight": "angle of one pulse",
+        "source": "what gives the output: the pulse board of one gyro (axis IA), the nine-axis "
+        "sensor or the navigator (axes X, Y, Z)",
+        "sample_interval": "time between two counts of the board, or two outputs",
+        "pulse_weight": "angle of one pulse; of a navigator the step of its angles; none of a "
+        "sensor, which gives rates",
         "channel": "of the acquisition board",
         "warm_up": "after each switch-on, before the record begins",
         "record": "length of the main record; the rate random walk needs 12 h to 24 h",

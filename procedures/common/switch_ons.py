@@ -6,14 +6,13 @@ from typing import Annotated, Protocol
 
 from pydantic import Field
 
+from procedures.common.gyro_source import start_samples
 from station.fields import StrictModel
 from station.findings import FlagThresholds
-from station.method.commands import GyroSampling, Power
+from station.method.commands import Power
 from station.method.run import Run
-from station.procedure import Prompt
 
-GYRO, POWER = "gyro_acquisition", "dut_power"
-CABLES = Prompt("connect-cables", "Connect the gyro to its acquisition board and its supply.")
+POWER = "dut_power"
 
 
 class Thresholds(StrictModel):
@@ -30,8 +29,6 @@ class SwitchOns(Protocol):
 
     warm_up_s: float
     cool_s: float
-    sample_interval_s: float
-    channel: int
 
 
 def unit_of(number: int) -> str:
@@ -53,7 +50,7 @@ def warm_up(run: Run, number: int) -> float:
     run.apply(Power(POWER, True))
     on_s = run.now_s
     run.wait(parameters.warm_up_s, f"{unit_of(number)}: the gyro warms up")
-    run.apply(GyroSampling(GYRO, parameters.sample_interval_s, parameters.channel))
+    start_samples(run)
     return on_s
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import FULL_TURN_DEG
-from procedures.common.switch_ons import GYRO
+from procedures.common.gyro_source import GYRO
 from station.procedure import LazyImport, Problem, Procedure, RecordUse, ResultKind
 from station.roles.turntable import unnamed_axes
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from procedures.common.conditions import OfRateOrCounts, OnEarth
 from procedures.common.constants import EARTH_RATE_DEG_PER_H, FULL_TURN_DEG, SECONDS_PER_HOUR
-from procedures.common.switch_ons import GYRO
+from procedures.common.gyro_source import GYRO
 from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.pulses import pulses_of
 from procedures.estimation.turn_encoder import Encoder, unwrap

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import ARCMIN_PER_RAD
+from procedures.common.gyro_source import GYRO
 from procedures.common.inputs import cosine_u
-from procedures.common.switch_ons import GYRO
 from procedures.estimation.direction import Direction, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 

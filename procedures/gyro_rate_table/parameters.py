@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from procedures.common.constants import FULL_TURN_DEG
+from procedures.common.gyro_source import GYRO, Source
 from procedures.common.switch_ons import Thresholds
 from station.fields import StrictModel, Unit
 
@@ -69,6 +70,11 @@ class RateTableParameters(StrictModel):
             if any(math.isclose(rate, other, rel_tol=1e-9) for other in rates[:place]):
                 raise ValueError(f"{rate:g} deg/s stands twice")
         return rates
+
+    @property
+    def source(self) -> Source:
+        """The instrument that counts."""
+        return GYRO
 
     @property
     def turns(self) -> tuple[Turn, ...]:

@@ -7,7 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from procedures.common.constants import FULL_TURN_DEG
-from procedures.common.switch_ons import CABLES, GYRO, cool, switch_off, unit_of, warm_up
+from procedures.common.gyro_source import CABLES, GYRO
+from procedures.common.switch_ons import cool, switch_off, unit_of, warm_up
 from station.errors import ConditionNotReached
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate, AxisTo
@@ -53,7 +54,7 @@ MOUNT = Prompt(
 def mount(run: Run) -> None:
     """1: the gyro on the table, its cables connected."""
     run.ask(MOUNT)
-    run.ask(CABLES)
+    run.ask(CABLES[GYRO])
 
 
 def first(run: Run) -> None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from procedures.common.switch_ons import GYRO
+from procedures.common.gyro_source import check_source, records_of_source
 from station.procedure import LazyImport, Procedure, RecordUse, ResultKind
 
 from .parameters import UNITS, StaticParameters
@@ -25,7 +25,7 @@ AXES = ("IA", "X", "Y", "Z")
 
 def records(parameters: StaticParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records."""
-    return (RecordUse(GYRO, "scale", 1.0, "1"),)
+    return records_of_source(parameters)
 
 
 def outlook(parameters: StaticParameters) -> Sequence[str]:
@@ -36,10 +36,15 @@ def outlook(parameters: StaticParameters) -> Sequence[str]:
     samples = parameters.record_s / parameters.sample_interval_s
     share = 100.0 / math.sqrt(2.0 * samples)
     longest_s = parameters.record_s / 9.0
-    white = 0.38 * parameters.pulse_weight_arcsec
+    walk = f"angle random walk to {share:.2g} % at best"
+    if parameters.pulse_weight_arcsec is not None:
+        white = 0.38 * parameters.pulse_weight_arcsec
+        walk = (
+            f"angle random walk to {share:.2g} % at best, while it is more than what {white:.2g} "
+            "arcsec of rounding leave"
+        )
     lines = [
-        f"angle random walk to {share:.2g} % at best, while it is more than what {white:.2g} "
-        "arcsec of rounding leave",
+        walk,
         f"Allan deviation to {longest_s:.4g} s within 42 %; rate random walk needs 12 h to 24 h",
     ]
     if parameters.repeats:
@@ -65,13 +70,14 @@ PROCEDURE = Procedure(
     parameters=StaticParameters,
     results={name: ResultKind(AXES, unit) for name, unit in UNITS.items()},
     steps=STEPS,
+    check=check_source,
     records=records,
     evaluate_run=LazyImport(f"{__name__}.evaluate:findings_of_run"),
     evaluate_dataset=LazyImport(f"{__name__}.evaluate:findings_of_dataset"),
     conditions=LazyImport(f"{__name__}.dataset:Conditions").get,
     report=LazyImport(f"{__name__}.figures:draw_parts"),
     outlook=outlook,
-    measured_axes=lambda parameters: dict.fromkeys(UNITS, ("IA",)),
+    measured_axes=lambda parameters: dict.fromkeys(UNITS, tuple(parameters.input_axis)),
     undetermined=undetermined,
     assumptions=(
         "The bias instability B is that of the density B^2/(2 pi f): the Allan deviation's floor "

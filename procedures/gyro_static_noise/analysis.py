@@ -149,8 +149,9 @@ def _estimates(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Estimate]
         # As read: the earth's rate is in it. Rates go with the pulse and against the time.
         depends = {"pulse_weight": value, "clock": -value}
         if name == "bias":
+            value -= dataset.earth_deg_per_h(analysed.axis)
+        if name == "bias" and dataset.earth_in_output:
             direction = dataset.directions[analysed.axis]
-            value -= direction.earth_deg_per_h(dataset.latitude_rad)
             azimuth, elevation = direction.sensitivities(dataset.latitude_rad)
             depends |= {
                 f"azimuth_{analysed.axis}": -azimuth,

@@ -135,7 +135,8 @@ def dataset_flags(
     raised = [*_copied(dataset)]
     names, directions = list(dataset.directions), list(dataset.directions.values())
     read = np.array([axis.means[0] if len(axis.means) else np.nan for axis in axes])
-    for name, direction, mean in zip(names, directions, read, strict=True):
+    felt = zip(names, directions, read, strict=True) if dataset.earth_in_output else ()
+    for name, direction, mean in felt:
         raised += earth_flags(name, direction, dataset.latitude_rad, float(mean))
     if not raised and len(names) == TRIAD and bool(np.isfinite(read).all()):
         earth = [direction.earth_deg_per_h(dataset.latitude_rad) for direction in directions]

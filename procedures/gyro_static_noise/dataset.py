@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.common.conditions import OfGyros, OfRateOrCounts
-from procedures.common.switch_ons import GYRO
-from procedures.estimation.alignment import align, unwrapped
+from procedures.common.gyro_source import GYRO, NAVIGATOR
 from procedures.estimation.direction import Direction
-from procedures.estimation.pulses import pulses_of
+from procedures.estimation.gyro_outputs import outputs_of
 from station.dataset_checks import switch_ons
 from station.dataset_reading import Table
 from station.fields import InputAxis, Unit
@@ -57,7 +56,8 @@ class StaticDataset:
     """A gyro or a triad at rest.
 
     `pulse_arcsec` is 0 where the output is no counts; samples of an output with a bandwidth are
-    not independent up to the highest frequency. `latitude_rad` is north positive.
+    not independent up to the highest frequency. `latitude_rad` is north positive. A navigator takes
+    the earth's rate out itself: `earth_in_output` says whether it is in the rates.
     """
 
     directions: Mapping[str, Direction]
@@ -66,11 +66,18 @@ class StaticDataset:
     pulse_arcsec: float
     output_bandwidth_Hz: float | None
     records: tuple[Record, ...]
+    earth_in_output: bool = True
 
     @property
     def quantum_deg_per_h(self) -> float:
         """One pulse as a rate."""
         return self.pulse_arcsec / self.sample_interval_s
+
+    def earth_deg_per_h(self, axis: str) -> float:
+        """Return the earth's rate in the output of an axis."""
+        if not self.earth_in_output:
+            return 0.0
+        return self.directions[axis].earth_deg_per_h(self.latitude_rad)
 
 
 @dataclass(frozen=True)
@@ -146,30 +153,31 @@ def _records(
 def dataset_of_run(folder: RunFolder, parameters: StaticParameters, bench: Bench) -> StaticDataset:
     """Return the finished switch-ons of a run, times from when each was switched on.
 
-    An interval whose count or that before it was lost is left out. The board's scale is corrected
-    by its record.
+    The board's scale is corrected by its record. Of a navigator each switch-on shows one axis, the
+    others are NaN.
     """
-    pulse = parameters.pulse_weight_arcsec * float(bench.corrected(GYRO, "scale", 1.0, "1"))
-    interval_s = parameters.sample_interval_s
-    records = []
+    pulse = parameters.pulse_weight_arcsec or 0.0
+    if parameters.source == GYRO:
+        pulse *= float(bench.corrected(GYRO, "scale", 1.0, "1"))
+    records, axes = [], list(parameters.input_axis)
     for unit, details in folder.finished_units().items():
-        rows = folder.rows(GYRO, unit)
-        number = unwrapped(rows["sequence"])
-        pulses = pulses_of(rows["counts"])
-        whole = np.diff(number) == 1
-        middle_s = align(number, rows["arrival_time_s"], interval_s).run_time_s(number[1:] - 0.5)
-        rate = pulses * pulse / interval_s
+        rows = folder.rows(parameters.source, unit)
+        outputs = outputs_of(rows, parameters.sample_interval_s, axes, pulse)
         on_s = float(details["on_s"])
-        time_s, own = middle_s[whole] - on_s, rate[whole][:, None]
-        records.append(Record(int(details["switch_on"]), time_s, own, on_s))
+        time_s, rate = outputs.before_end_s(0.5) - on_s, outputs.rate_deg_per_h
+        if len(parameters.mountings) > 1:
+            upright = [axis == details["axis"] for axis in axes]
+            rate = np.where(upright, rate, np.nan)
+        records.append(Record(int(details["switch_on"]), time_s, rate, on_s))
     return StaticDataset(
         directions={
             axis: Direction(np.deg2rad(direction.azimuth_deg), np.deg2rad(direction.elevation_deg))
             for axis, direction in parameters.input_axis.items()
         },
         latitude_rad=float(np.deg2rad(parameters.latitude_deg)),
-        sample_interval_s=interval_s,
+        sample_interval_s=parameters.sample_interval_s,
         pulse_arcsec=pulse,
         output_bandwidth_Hz=None,
         records=tuple(records),
+        earth_in_output=parameters.source != NAVIGATOR,
     )

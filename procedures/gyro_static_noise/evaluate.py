@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from procedures.common.gyro_source import GYRO
 from procedures.common.inputs import Declared, with_unstated
-from procedures.common.switch_ons import GYRO
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
@@ -39,13 +39,16 @@ def findings_of_run(folder: RunFolder, parameters: StaticParameters, bench: Benc
     """Return what a run's finished switch-ons say, type B inputs from plan and bench file."""
     dataset = dataset_of_run(folder, parameters, bench)
     settings = AnalysisSettings(**dict(parameters.thresholds))
-    inputs = list(
-        attitude_inputs(dataset.directions, parameters.attitude_uncertainty_arcmin, "the plan")
-    )
     u_clock = parameters.clock_ppm * PPM
-    inputs.append(InputQuantity("clock", "rate of the station's clock", u_clock, "1", "the plan"))
-    about = "weight of a pulse"
-    inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", about, relative=True)
+    inputs = [InputQuantity("clock", "rate of the station's clock", u_clock, "1", "the plan")]
+    if parameters.source == GYRO:
+        about = "weight of a pulse"
+        scale = (GYRO, "scale", 1.0, "1")
+        inputs += bench.stated_input(scale, "pulse_weight", about, relative=True)
+    if not dataset.earth_in_output:
+        return findings_of(analyse(dataset, settings), dataset, inputs)
+    u_arcmin = parameters.attitude_uncertainty_arcmin
+    inputs = [*attitude_inputs(dataset.directions, u_arcmin, "the plan"), *inputs]
     findings = findings_of(analyse(dataset, settings), dataset, inputs)
     u_arcmin = parameters.latitude_uncertainty_arcmin
     return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_arcmin, "the plan")

@@ -99,7 +99,7 @@ def _records(analysed: AxisAnalysis, interval_s: float) -> Plot:
 
 
 def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
-    earth = dataset.directions[analysed.axis].earth_deg_per_h(dataset.latitude_rad)
+    earth = dataset.earth_deg_per_h(analysed.axis)
     rows = [
         [str(number), f"{count}", format_number(float(mean) - earth)]
         for number, (count, mean) in enumerate(zip(analysed.counts, analysed.means, strict=True), 1)

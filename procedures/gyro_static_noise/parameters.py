@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
+from procedures.common.gyro_source import NAVIGATOR, Axis, OfSource, axes_of_source
 from procedures.common.switch_ons import Thresholds
-from station.fields import InputAxis, StrictModel, Unit
+from station.fields import InputAxis, Unit
 
 UNITS = {
     "quantisation_noise": "arcsec",
@@ -24,16 +25,17 @@ UNITS = {
 SHORTEST = 40
 
 
-class StaticParameters(StrictModel):
+class StaticParameters(OfSource):
     """What the engineer chooses."""
 
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
     latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
-    input_axis: dict[Literal["IA"], InputAxis]
+    input_axis: Annotated[
+        dict[Axis, InputAxis],
+        Field(min_length=1),
+        AfterValidator(axes_of_source),
+    ]
     attitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)]
-    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]
-    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)]
-    channel: Annotated[int, Field(ge=1, le=3)] = 1
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
     record_s: Annotated[float, Unit("s"), Field(gt=0)] = 14400.0
     repeats: Annotated[int, Field(ge=0, le=50)] = 6
@@ -50,6 +52,11 @@ class StaticParameters(StrictModel):
         if interval_s is not None and record_s < SHORTEST * interval_s:
             raise ValueError(f"a record of noise has at least {SHORTEST} samples")
         return record_s
+
+    @property
+    def mountings(self) -> tuple[Axis, ...] | tuple[None]:
+        """The axes that are upright in turn; None alone where all are recorded at once."""
+        return tuple(self.input_axis) if self.source == NAVIGATOR else (None,)
 
     @property
     def lengths_s(self) -> tuple[float, ...]:

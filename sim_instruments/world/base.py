@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from threading import RLock
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class World(Room, ABC):
     """
 
     preparations: tuple[str, ...] = ("mount", "connect-cables", "dut-power-on")
+    on_table: ClassVar[bool] = False
+    """Whether it takes a table that it shares with other worlds."""
 
     def __init__(self, truth: Truth) -> None:
         super().__init__()
@@ -69,6 +71,10 @@ class World(Room, ABC):
     @abstractmethod
     def power(self, time_s: float, on: bool) -> None:
         """Switch the device under test on or off."""
+
+    def table_changed(self, time_s: float) -> None:
+        """Forget what was computed ahead from a time on: the table turns otherwise."""
+        self._changed()
 
     def coil(self, axis: str) -> CurrentHistory:
         """Return the coil of a name; SimulationError, with the names there are, without one."""

@@ -139,6 +139,8 @@ class FogBench(World):
     gaussmeter's probe lies there and feels the ambient field.
     """
 
+    on_table = True
+
     def __init__(self, truth: Truth, table: Table | None = None) -> None:
         super().__init__(truth)
         seed = truth.integer("seed", 0)
@@ -208,6 +210,12 @@ class FogBench(World):
         """Return what the thermometers in the gyros x, y, z read, shape (times, 3)."""
         with self.lock:
             return self.gyros.sensor_degC(np.asarray(times_s, dtype=np.float64))
+
+    def mount(self, axes: Array, time_s: float) -> None:
+        """Mount the navigator on the plate, its x, y, z (columns) along the plate's axes."""
+        with self.lock:
+            self._navigator.mount(axes, time_s)
+            self.version += 1
 
     def _air_changed(self, time_s: float) -> None:
         self.gyros.heat.forget_after(time_s)

@@ -239,7 +239,7 @@ class Navigator:
         self._table, self._gyros, self._seed = table, gyros, seed
         self._earth = earth_rate_rad_per_s(latitude_deg)
         # From the navigator's axes to those of the plate.
-        self._mounting = small_rotation(truth, "mounting_error").T
+        self._mounting = self._as_mounted = small_rotation(truth, "mounting_error").T
         alignment = truth.section("alignment")
         self._takes_s = alignment.quantity("duration", "s")
         level, heading = (alignment.quantity(f"{of}_error", "rad") for of in ("level", "heading"))
@@ -272,6 +272,11 @@ class Navigator:
         """Be turned by half a turn about z by a hand, after which it must align again."""
         self._end(time_s)
         self._mounting = np.diag([-1.0, -1.0, 1.0]) @ self._mounting
+
+    def mount(self, axes: Array, time_s: float) -> None:
+        """Be mounted another way round, its x, y, z (columns) along the plate's; it aligns anew."""
+        self._end(time_s)
+        self._mounting = axes @ self._as_mounted
 
     def aligned(self, time_s: float) -> bool:
         """Return whether it knows its attitude at a time, by the commands of the table so far."""

@@ -89,6 +89,7 @@ class NineAxisBench(World):
     """
 
     preparations: tuple[str, ...] = ("mount-table", "connect-cables", "dut-power-on")
+    on_table = True
 
     def __init__(self, truth: Truth, table: Table | None = None) -> None:
         super().__init__(truth)
@@ -169,10 +170,6 @@ class NineAxisBench(World):
             nodes = nodes_within(edges_s[:-1], edges_s[1:], panel_s, order)
             rate, force, field = (nodes.mean(signal) for signal in self._felt(nodes))
             return self.sensor.measure(edges_s, np.degrees(rate), force, field)
-
-    def table_changed(self, time_s: float) -> None:
-        """Forget what was computed ahead: the table turns otherwise."""
-        self._changed()
 
     def attitude(self, time_s: Array) -> Array:
         """Return where X, Y, Z (rows) point along north, east, down, shape (times, 3, 3)."""

@@ -8,13 +8,13 @@ from sim_instruments.truth import Truth
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
 from sim_instruments.world.noise import generator
 from sim_instruments.world.piecewise import Array
-from sim_instruments.world.static_gyro import StaticGyroBench
+from sim_instruments.world.static_gyro import StaticLaserGyro
 from sim_instruments.world.table import Table
 
 ARCSEC = 3600.0
 
 
-class RateTableBench(StaticGyroBench):
+class RateTableBench(StaticLaserGyro):
     """A gyro that feels the turns of the table that carries it.
 
     Truth below `simulation.rate_table`: `scale_factor_error`, and `switch_on_scatter`, its standard

@@ -95,6 +95,21 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.cool=1 min",
         "limits.bias_repeatability=null",
     ),
+    "gyro-static-noise-imu": (
+        "parameters.warm_up=1 min",
+        "parameters.record=4 min",
+        "parameters.repeats=1",
+        "parameters.repeat_record=1 min",
+        "parameters.cool=1 min",
+        "limits.bias_repeatability=null",
+    ),
+    "gyro-static-noise-navigator": (
+        "parameters.warm_up=10 min",
+        "parameters.record=4 min",
+        "parameters.repeats=1",
+        "parameters.repeat_record=1 min",
+        "parameters.cool=1 min",
+    ),
     "gyro-rate-table": (
         "parameters.rates=[50 deg/s, 100 deg/s]",
         "parameters.record=20 s",

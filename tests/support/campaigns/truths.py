@@ -153,6 +153,8 @@ def commissioning_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> 
 def static_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> float | None:
     """Return what the simulated laser gyro's angles scatter by: its walk, rounding and dither."""
     gyro = bench["simulation"]["gyro"]
+    if result["axis"] != "IA":  # of the navigator or of the sensor
+        return None
     if result["name"] == "angle_random_walk":
         return number(gyro["angle_random_walk"])
     if result["name"] != "quantisation_noise":
