@@ -172,6 +172,7 @@ RUN_EVENTS = {
     "where it gives nothing",
     "overload": "accelerometer-magnetic-sensitivity: the voltmeter's range was too small; the unit "
     "is measured again in the next one",
+    "residual-by-modulation": "serf-nonorthogonality: what the tones of a round of nulling told",
     "residual-field": "serf-nonorthogonality: what a round of nulling found; null where it drifts",
     "depolarised": "serf-nonorthogonality: the frequency seen after the gradient, by attempt",
     "shot-repeated": "serf-nonorthogonality: a shot is fired again, and why",

@@ -50,6 +50,8 @@ class CoilGenerator(ScpiDriver):
     widths_s: ClassVar[tuple[float, float]] = (1e-6, 5e5)
     """Instruments can do shorter ones, which no coil follows."""
     longest_delay_s: ClassVar[float]
+    most_cycles: ClassVar[int] = 1000
+    """Of a burst. Instruments can do more, which no record holds."""
     deadlines: ClassVar[Mapping[str, float]] = {r"\*RST": 2.0}
     """Not documented for any of the models: taken as 2 s."""
     when_odd = "check its address in the bench file, its cable, and that nobody else talks to it"
@@ -109,11 +111,16 @@ class CoilGenerator(ScpiDriver):
         self.place.publish("output", "on")
 
     def prepare_step(
-        self, channel: int, voltage_V: float, duration_s: float, delay_s: float = 0.0
+        self,
+        channel: int,
+        voltage_V: float,
+        duration_s: float,
+        delay_s: float = 0.0,
+        cycles: int = 1,
     ) -> None:
         """Arm a step from what the channel holds by `voltage_V`, and back after `duration_s`.
 
-        It begins `delay_s` after the trigger.
+        It begins `delay_s` after the trigger; of several `cycles` each lasts twice `duration_s`.
 
         A channel that holds nothing yet holds 0 V; a step of 0 V leaves it at that, unarmed. Its
         output is off for a moment while the function changes. Raises InstrumentError beyond the
@@ -129,6 +136,9 @@ class CoilGenerator(ScpiDriver):
         if not 0.0 <= delay_s <= self.longest_delay_s:
             what = f"it waits 0 s to {self.longest_delay_s:g} s after a trigger"
             raise self.error(attempted, what, "correct the delay of the shutter")
+        if not 1 <= cycles <= self.most_cycles:
+            what = f"its bursts have 1 to {self.most_cycles} cycles"
+            raise self.error(attempted, what, "correct the cycles of the tone")
         if voltage_V == 0.0:
             self.hold(channel, held_V)
             return
@@ -140,11 +150,11 @@ class CoilGenerator(ScpiDriver):
         messages = self._messages[channel]
         with self._off_where_it_fails(attempted, channel):
             self._line.command(messages.steady())
-            for message in messages.step(held_V, voltage_V, duration_s, delay_s):
+            for message in messages.step(held_V, voltage_V, duration_s, delay_s, cycles):
                 self._line.command(message)
             self._line.command(messages.switch(on=True))
-            wanted = messages.stepping(self._load_ohm, held_V, voltage_V, duration_s, delay_s)
-            self._prove(wanted)
+            levels_V = (held_V, held_V + voltage_V)
+            self._prove(messages.stepping(self._load_ohm, levels_V, duration_s, delay_s, cycles))
         self._armed.add(channel)
         self.place.publish("output", "on")
 

@@ -89,10 +89,12 @@ class ChannelMessages(ABC):
             self.output: self.on,
         }
 
-    def step(self, held_V: float, step_V: float, duration_s: float, delay_s: float) -> list[str]:
+    def step(
+        self, held_V: float, step_V: float, duration_s: float, delay_s: float, cycles: int
+    ) -> list[str]:
         """Return what turns a steady channel, its output off, into one that waits for a trigger.
 
-        Downwards the pulse is inverted about its offset.
+        Downwards the pulse is inverted about its offset. Several cycles are a square wave.
         """
         pulse = f"{self._sour}:FUNC:PULS"
         return [
@@ -107,40 +109,47 @@ class ChannelMessages(ABC):
             joined(
                 *(f"{pulse}:{first}" for first in self.before_width),
                 f"{pulse}:WIDT MIN",
-                f"{pulse}:PER {period_of(duration_s):.9g}",
+                f"{pulse}:PER {period_of(duration_s, cycles):.9g}",
                 f"{pulse}:WIDT {duration_s:.9g}",
             ),
-            joined(*self.triggered(delay_s)),
+            joined(*self.triggered(delay_s, cycles)),
         ]
 
     def stepping(
-        self, load_ohm: float, held_V: float, step_V: float, duration_s: float, delay_s: float
+        self,
+        load_ohm: float,
+        levels_V: tuple[float, float],
+        duration_s: float,
+        delay_s: float,
+        cycles: int,
     ) -> Wanted:
-        """Return what has to be read of a channel that waits for a trigger."""
+        """Return what has to be read of a channel that waits at the first level for a trigger."""
         return {
             f"{self._sour}:FUNC?": "PULS",
-            f"{self._sour}:VOLT:LOW?": min(held_V, held_V + step_V),
-            f"{self._sour}:VOLT:HIGH?": max(held_V, held_V + step_V),
+            f"{self._sour}:VOLT:LOW?": min(levels_V),
+            f"{self._sour}:VOLT:HIGH?": max(levels_V),
             f"{self._sour}:FUNC:PULS:WIDT?": duration_s,
-            f"{self._out}:POL?": "NORM" if step_V > 0 else "INV",
+            f"{self._out}:POL?": "NORM" if levels_V[1] > levels_V[0] else "INV",
             f"{self._out}:LOAD?": load_ohm,
             f"{self._sour}:BURS:STAT?": self.on,
-            f"{self._sour}:BURS:NCYC?": 1.0,
+            f"{self._sour}:BURS:NCYC?": float(cycles),
             **self.waits(delay_s),
             self.output: self.on,
         }
 
     @abstractmethod
-    def triggered(self, delay_s: float) -> tuple[str, ...]:
-        """Return what has a burst of one pulse begin after each trigger."""
+    def triggered(self, delay_s: float, cycles: int) -> tuple[str, ...]:
+        """Return what has a burst of so many pulses begin after each trigger."""
 
     @abstractmethod
     def waits(self, delay_s: float) -> Wanted:
         """Return what has to be read of that."""
 
 
-def period_of(duration_s: float) -> float:
-    """Return the period of a pulse, in s."""
+def period_of(duration_s: float, cycles: int = 1) -> float:
+    """Return the period of a pulse, in s; of several the pulse is half of it."""
+    if cycles > 1:
+        return 2.0 * duration_s
     return duration_s + max(PAUSE_SHARE * duration_s, PAUSE_S)
 
 

@@ -86,15 +86,15 @@ class Messages(ChannelMessages):
         self.limit_switch = f"{self.limit}:STAT"
         self._trig, self._trigger = f"TRIG{channel}", trigger
 
-    def triggered(self, delay_s: float) -> tuple[str, ...]:
-        """Return what has a burst of one pulse begin after each trigger."""
+    def triggered(self, delay_s: float, cycles: int) -> tuple[str, ...]:
+        """Return what has a burst of so many pulses begin after each trigger."""
         burst = f"{self._sour}:BURS"
         return (
             f"{self._trig}:SOUR {self._trigger}",
             f"{self._trig}:SLOP POS",
             f"{self._trig}:DEL {delay_s:.9g}",
             f"{burst}:MODE TRIG",
-            f"{burst}:NCYC 1",
+            f"{burst}:NCYC {cycles}",
             f"{burst}:STAT ON",
         )
 

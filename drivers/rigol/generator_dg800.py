@@ -69,12 +69,12 @@ class Messages(ChannelMessages):
         super().__init__(channel)
         self.limit = self.limit_switch = f"{self._out}:VOLL"
 
-    def triggered(self, delay_s: float) -> tuple[str, ...]:
-        """Return what has a burst of one pulse begin after each trigger."""
+    def triggered(self, delay_s: float, cycles: int) -> tuple[str, ...]:
+        """Return what has a burst of so many pulses begin after each trigger."""
         burst = f"{self._sour}:BURS"
         return (
             f"{burst}:MODE TRIG",
-            f"{burst}:NCYC 1",
+            f"{burst}:NCYC {cycles}",
             f"{burst}:TRIG:SOUR EXT",
             f"{burst}:TRIG:SLOP POS",
             f"{burst}:TDEL {delay_s:.9g}",

@@ -17,6 +17,7 @@ from .dataset import (
     FACTOR,
     JOINT,
     LAW_OF_COSINES,
+    MODULATION,
     RESIDUAL,
     SLOWING_DOWN,
     WEIGHTED,
@@ -83,8 +84,9 @@ def analyse(dataset: SerfDataset, settings: AnalysisSettings | None = None) -> S
     ]
     return SerfAnalysis(
         estimates=results,
-        published=tuple(
-            Published(ANGLE, pair, paper.angles_deg[pair], "deg", LAW_OF_COSINES) for pair in PAIRS
+        published=(
+            *(Published(ANGLE, k, paper.angles_deg[k], "deg", LAW_OF_COSINES) for k in PAIRS),
+            *(Published(RESIDUAL, k, b, "nT", MODULATION) for k, b in dataset.modulated_nT.items()),
         ),
         flags=tuple(flags),
         shots=shots,

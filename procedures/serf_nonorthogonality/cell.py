@@ -1,8 +1,8 @@
 """The cell on the bench: its instruments, one shot, and step 2, the nulling of the residual field.
 
-The source nulls by modulation. That finds the zero only within the width of the magnetometer's
-resonance, a nanotesla or two; fields of both senses show the residual field at any size, on the
-scale of the coils themselves. What is left is part of the results.
+The source nulls by modulation (`nulling_by_tones`). That finds the zero only near the width of the
+magnetometer's resonance, a nanotesla or two; fields of both senses show the residual field at any
+size, on the scale of the coils themselves. What is left is part of the results.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from station.errors import ConditionNotReached, InstrumentError
 from station.method.cell_commands import (
     CellField,
+    CellTone,
     NulledCellFields,
     PumpLight,
     TriggeredCellField,
@@ -44,6 +45,7 @@ CHANNELS: Mapping[str, tuple[str, int]] = {
 }
 """The generator and the channel at each coil, as the names of the instances say."""
 FIELD = ("parameters", "field")
+TONE = ("parameters", "nulling", "tone")
 SHOT_EXTRA_S = 0.05
 """From the trigger to the dark, twice, and what it takes to ask for the record."""
 USUAL_ROUNDS = 2
@@ -80,7 +82,11 @@ def fields_of(
 
 def record_s(parameters: SerfParameters) -> Duration:
     """Return how long a record takes from the trigger on; it is waited for."""
-    least_s = parameters.record_s
+    return waited_for(parameters.record_s)
+
+
+def waited_for(least_s: float) -> Duration:
+    """Return how long a record of so many seconds takes from the trigger on."""
     return Duration(least_s + SHOT_EXTRA_S, least_s, least_s + 2.0 * SHOT_EXTRA_S)
 
 
@@ -159,6 +165,46 @@ class Cell:
             )
         return block
 
+    def tone(self, coil: str, middle_nT: Mapping[str, float], doing: str) -> Block:
+        """Send a tone on a coil, all coils about a middle beside what they hold, in steady light.
+
+        Return the record, its time zero at the tone's first rise. The coils stay as they are.
+        """
+        rule, rate_Hz = self.parameters.nulling, self.parameters.tone_rate_Hz
+        for name, beside_nT in middle_nT.items():
+            lowest_nT = beside_nT - (rule.tone_nT if name == coil else 0.0)
+            self.run.apply(held(name, self.held_nT[name] + lowest_nT, f"{doing}: "))
+        cycles = math.ceil(rule.record_s * rule.frequency_Hz) + 1
+        swing_nT, half_s = 2.0 * rule.tone_nT, rule.half_s
+        self.run.apply(
+            CellTone(
+                *CHANNELS[coil],
+                coil,
+                swing_nT,
+                f"{doing}: ",
+                half_s=half_s,
+                cycles=cycles,
+                decided_by=TONE,
+            )
+        )
+        self.digitizer.prepare(rate_Hz, rule.record_s, self.parameters.full_scale_V)
+        self.run.wait(self.parameters.pump_s, f"{doing}: the vapour is pumped")
+        self.digitizer.fire()
+        block, light_passes = self.run.read(
+            partial(self._fetch, doing), assumed=(None, True), takes=waited_for(rule.record_s)
+        )
+        self.digitizer.release()
+        generator, channel = CHANNELS[coil]
+        self.generators[generator].disarm(channel)
+        if not light_passes:
+            raise InstrumentError(
+                PUMP,
+                doing,
+                "its sensor read closed during a tone, which the light has to pass",
+                "look at its interlock, and that nothing holds the blade",
+            )
+        return block
+
     def _fetch(self, doing: str) -> tuple[Block, bool]:
         """Return the record, and whether the light still passes after it."""
         records = fetch_bursts(
@@ -230,7 +276,10 @@ def null_residual_field(run: Run, cell: Cell) -> None:
 
 def nulled_fields(parameters: SerfParameters) -> tuple[NulledCellFields, ...]:
     """Return how far the fields go that are solved from data, by generator."""
-    most_nT = NULLING_MARGIN * parameters.nulling.at_most_nT
+    rule = parameters.nulling
+    most_nT = NULLING_MARGIN * rule.at_most_nT
+    if rule.method == "modulation":
+        most_nT += rule.bias_nT + rule.tone_nT
     return tuple(
         NulledCellFields(
             generator,

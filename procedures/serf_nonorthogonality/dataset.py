@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ Mask = NDArray[np.bool_]
 ANGLE, RESIDUAL = "nonorthogonality_angle", "residual_field"
 FACTOR, SLOWING_DOWN = "coil_factor", "slowing_down_factor"
 WEIGHTED, JOINT, LAW_OF_COSINES = "weighted", "joint-chirp", "law-of-cosines"
+MODULATION = "modulation"
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class SerfDataset:
     frequency of the pick-up, None where there is none. `repeated`: names of shots that were taken
     again, with the reason of each. `start_u_s`: standard uncertainty of each record's time zero.
     `coil_u`: relative standard uncertainties of the coil constants; None where nobody states them.
+    `modulated_nT`: the residual field by coil that tones told right before the shots, if any.
     """
 
     shots: Sequence[Shot]
@@ -66,6 +68,7 @@ class SerfDataset:
     repeated: Sequence[tuple[str, str]] = ()
     start_u_s: float = 0.0
     coil_u: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+    modulated_nT: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def gamma_rad_per_s_nT(self) -> float:

@@ -6,7 +6,7 @@ Of each finished shot the last attempt counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from .analysis import analyse
 from .cell import CHANNELS, DIGITIZER, PUMP
 from .dataset import SerfDataset, Shot
 from .from_import import dataset_of_import
+from .nulling_by_tones import MODULATED
 from .parameters import AnalysisSettings, SerfParameters
 from .shots import AXES, REPEATED, Wanted
 
@@ -162,7 +163,14 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
         # The trigger falls anywhere between two samples.
         start_u_s=1.0 / (math.sqrt(12.0) * parameters.sample_rate_Hz),
         coil_u=_coil_u(bench),
+        modulated_nT=_modulated_nT(folder),
     )
+
+
+def _modulated_nT(folder: RunFolder) -> Mapping[str, float]:
+    """Return the residual field that the last tones told, empty where none were sent."""
+    looks = list(folder.events_of(MODULATED))
+    return looks[-1].details["field_nT"] if looks else {}
 
 
 def _coil_u(bench: Bench) -> tuple[float, float, float] | None:

@@ -28,6 +28,9 @@ ARCSEC = math.pi / 648000.0
 MIN_LOSS_SHARE = 0.5
 """Broadening over width at which angles are determined best."""
 OVERSAMPLING = 4.0
+TONE_FREQUENCY = ("parameters", "nulling", "frequency")
+MIN_TONE_SAMPLES = 40.0
+"""Of each cycle of a tone, for its lines."""
 MIN_DECAYS, USUAL_DECAYS = 1.0, 3.0
 BEYOND_USE = 3.0
 """Loss against the best field, as a ratio of uncertainties, beyond which a plan is refused."""
@@ -93,6 +96,12 @@ def outlook(parameters: SerfParameters) -> tuple[str, ...]:
 
     field = ", ".join(f"{axis} {b:g} nT" for axis, b in parameters.field_levels_nT.items())
     lines = [f"{len(parameters.wanted)} shots, {field}."]
+    rule = parameters.nulling
+    if rule.method == "modulation":
+        lines.append(
+            f"Nulled by modulation: tones of {rule.tone_nT:g} nT at {rule.frequency_Hz:g} Hz on "
+            f"each coil in turn, {rule.bias_nT:g} nT to either side of zero."
+        )
     if parameters.shots == "as_published":
         lines.append(
             "The residual field is taken for zero and the coil constants for exact: at these "
@@ -173,6 +182,7 @@ def check(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
             f"be expected, {fastest_Hz:.0f} Hz; {OVERSAMPLING * fastest_Hz:.0f} Hz would do",
         )
     yield from _recorder(parameters, bench)
+    yield from _tones(parameters, bench)
     expected = expectation(parameters)
     if expected is None:
         return
@@ -223,6 +233,43 @@ def _recorder(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
             ("parameters", "record"),
             f"{DIGITIZER} cannot record {duration_s:.3g} s at {parameters.sample_rate_Hz:g} Hz up "
             f"to {parameters.full_scale_V:g} V: {why}",
+        )
+
+
+def _tones(parameters: SerfParameters, bench: Bench) -> Iterator[Problem]:
+    """Yield why tones cannot be recorded, or their lines not be told from others."""
+    rule, rate_Hz, mains_Hz = (
+        parameters.nulling,
+        parameters.tone_rate_Hz,
+        parameters.mains_frequency_Hz,
+    )
+    if rule.method != "modulation" or not rule.rounds:
+        return
+    if rate_Hz < MIN_TONE_SAMPLES * rule.frequency_Hz:
+        yield Problem(
+            TONE_FREQUENCY,
+            f"{rate_Hz:g} Hz samples a cycle fewer than {MIN_TONE_SAMPLES:g} times; "
+            f"{rate_Hz / MIN_TONE_SAMPLES:.3g} Hz would do",
+        )
+    if mains_Hz is not None:
+        apart_Hz = abs(mains_Hz - rule.frequency_Hz * round(mains_Hz / rule.frequency_Hz))
+        if apart_Hz < rule.frequency_Hz / rule.cycles:
+            yield Problem(
+                TONE_FREQUENCY,
+                f"a multiple of {rule.frequency_Hz:g} Hz lies {apart_Hz:.2g} Hz from the mains, "
+                f"{mains_Hz:g} Hz, which {rule.cycles} cycles do not tell apart; take another "
+                "frequency, or more cycles",
+            )
+    digitizer = bench.instruments.get(DIGITIZER)
+    if digitizer is None:
+        return
+    driver: type[Digitizer] = registry.load(registry.DRIVERS, digitizer.driver)
+    why = driver.why_no_record(digitizer.settings, rate_Hz, rule.record_s, parameters.full_scale_V)
+    if why is not None:
+        yield Problem(
+            ("parameters", "nulling", "cycles"),
+            f"{DIGITIZER} cannot record {rule.record_s:.3g} s at {rate_Hz:g} Hz up to "
+            f"{parameters.full_scale_V:g} V: {why}",
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
 
 from procedures.common.thresholds import GAP, MODEL_TOO_STIFF, OUTLIER
 from station.fields import StrictModel, Unit
@@ -24,6 +24,10 @@ from .shots import (
 
 Nanotesla = Annotated[float, Unit("nT"), Field(gt=0)]
 Positive = Annotated[float, Unit("s"), Field(gt=0)]
+TONE_SETTLING_S = 0.25
+"""A dozen times what spins in pump light remember."""
+TONE_SAMPLES = 500
+"""Of each cycle of a tone."""
 NuclearSpin = Annotated[float, AfterValidator(known_spin)]
 
 
@@ -46,15 +50,53 @@ class Fields(StrictModel):
     z_nT: Nanotesla
 
 
+NullingMethod = Literal["precession", "modulation"]
+Gentle = Annotated[Nanotesla, Field(le=5)]
+
+
 class Nulling(StrictModel):
     """When the residual field is small enough, and how often it is looked for at most.
 
-    Beyond `at_most` it is not the shield's but that of polarised nuclei, and not nulled.
+    Beyond `at_most` it is not the shield's but that of polarised nuclei, and not nulled. By
+    modulation a `tone` swings about a `bias` to either side; `light_shift` bounds what the pump
+    light does as a field along it, which precession in the dark does not feel.
     """
 
+    method: NullingMethod = "precession"
     tolerance_nT: Nanotesla = 0.5
     at_most_nT: Nanotesla = 10.0
     rounds: Annotated[int, Field(ge=0, le=20)] = 4
+    tone_nT: Gentle = 0.4
+    bias_nT: Gentle = 0.6
+    frequency_Hz: Annotated[float, Unit("Hz"), Field(ge=0.5, le=100)] = 8.0
+    cycles: Annotated[int, Field(ge=4, le=200)] = 8
+    light_shift_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.3
+
+    @property
+    def half_s(self) -> float:
+        """How long each level of the tone lasts."""
+        return 0.5 / self.frequency_Hz
+
+    @property
+    def settling_s(self) -> float:
+        """Of a tone, before its answer is the same in each cycle: a whole number of cycles."""
+        return math.ceil(TONE_SETTLING_S * self.frequency_Hz) / self.frequency_Hz
+
+    @property
+    def record_s(self) -> float:
+        """Of a tone, from the trigger on."""
+        return self.settling_s + self.cycles / self.frequency_Hz
+
+
+def method_alone(given: object) -> object:
+    """Take the name of a method for a mapping with nothing else in it."""
+    return {"method": given} if isinstance(given, str) else given
+
+
+AnyNulling = Annotated[
+    Nulling,
+    BeforeValidator(method_alone, json_schema_input_type=Nulling | NullingMethod),
+]
 
 
 class Depolarising(StrictModel):
@@ -113,7 +155,7 @@ class SerfParameters(StrictModel):
     mains_frequency_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
     gyro_was_running: bool = False
     depolarise: Depolarising = Depolarising()
-    nulling: Nulling = Nulling()
+    nulling: AnyNulling = Nulling()
     thresholds: Thresholds = Thresholds()
 
     @field_validator("single_axis")
@@ -179,6 +221,11 @@ class SerfParameters(StrictModel):
         levels = sorted(self.field_levels_nT.values())
         largest_nT = math.hypot(levels[-1], levels[-2])
         return self.gyromagnetic_ratio_Hz_per_nT * largest_nT / self.slowing_down.polarised
+
+    @property
+    def tone_rate_Hz(self) -> float:
+        """How fast the answer to a tone is sampled."""
+        return min(self.sample_rate_Hz, TONE_SAMPLES * self.nulling.frequency_Hz)
 
     @property
     def constants_known(self) -> bool:

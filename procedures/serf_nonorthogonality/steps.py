@@ -25,6 +25,7 @@ from .cell import (
     null_residual_field,
     shots_s,
 )
+from .nulling_by_tones import null_by_tones
 from .parameters import SerfParameters
 from .shots import REPEATED, Wanted
 
@@ -90,11 +91,18 @@ def depolarise(run: Run) -> None:
 
 
 def null(run: Run) -> None:
-    """Step 2: the gradient is off; the residual field is nulled by what the spins tell of it."""
+    """Step 2: the gradient is off; the residual field is nulled by what the spins tell of it.
+
+    By precession in the dark, or as published by modulation, as the plan says.
+    """
     if all_finished(run):
         return
     run.may_pause()
-    null_residual_field(run, run.state(Cell, run))
+    cell = run.state(Cell, run)
+    if run.parameters.nulling.method == "modulation":
+        null_by_tones(run, cell)
+    else:
+        null_residual_field(run, cell)
 
 
 def first_shot(run: Run) -> None:

@@ -126,7 +126,7 @@ def test_each_channel_is_switched_off_by_itself(fixture: Fixture, signal_generat
 
 
 def test_a_step_is_armed_again_and_again(fixture: Fixture, signal_generator: Any) -> None:
-    """Of either sign and any length, with or without taking the one before back."""
+    """Of either sign and any length, again and again at one trigger, the one before taken back."""
     holding(fixture, signal_generator)
     for sign, factor in ((1, 1.0), (-1, 10.0), (-1, 0.1), (1, 3.0)):
         signal_generator.prepare_step(1, sign * some_V(fixture), factor * DURATION_S)
@@ -134,6 +134,7 @@ def test_a_step_is_armed_again_and_again(fixture: Fixture, signal_generator: Any
             signal_generator.disarm(1)
             signal_generator.disarm(1)
         signal_generator.hold(2, sign * some_V(fixture))
+    signal_generator.prepare_step(1, some_V(fixture), DURATION_S, cycles=3)
 
 
 @pytest.mark.parametrize("state", STATES)

@@ -109,6 +109,32 @@ class TriggeredCellField(CellField):
 
 
 @dataclass(frozen=True)
+class CellTone(CellField):
+    """A square tone at a coil from the next trigger on, beginning with its rise.
+
+    It goes up by `size` from what the coil holds, and back; each level lasts for `half_s`.
+    """
+
+    half_s: float = field(kw_only=True)
+    cycles: int = field(kw_only=True)
+
+    def words(self, bench: Bench) -> str:
+        """Return channel, coil, amplitude, frequency and the voltage from peak to peak."""
+        return (
+            f"channel {self.channel}, coil {self.coil}, {self.purpose}{self.size / 2:g} nT at "
+            f"{0.5 / self.half_s:g} Hz, {self.voltage_V(bench):.4g} Vpp"
+        )
+
+    def apply(self, station: Station, prepared: None) -> None:
+        """Arm the tone."""
+        from station.roles import SignalGenerator
+
+        generator = station.role(self.instrument, SignalGenerator)
+        voltage_V = self.voltage_V(station.bench)
+        generator.prepare_step(self.channel, voltage_V, self.half_s, cycles=self.cycles)
+
+
+@dataclass(frozen=True)
 class NulledCellFields(Bounded):
     """Fields at coils that are solved from data, and the shots that look for them.
 
@@ -128,20 +154,25 @@ class NulledCellFields(Bounded):
 
 @dataclass(frozen=True)
 class PumpLight(Command[None]):
-    """The pump light: through until the trigger, or blocked."""
+    """The pump light: through until the trigger, or whatever it does (`steady`), or blocked."""
 
     through: bool
+    steady: bool = False
 
     def words(self, bench: Bench) -> str:
         """Return which of both."""
-        return "open until the trigger" if self.through else "closed"
+        if not self.through:
+            return "closed"
+        return "open all the time" if self.steady else "open until the trigger"
 
     def apply(self, station: Station, prepared: None) -> None:
         """Set the shutter."""
         from station.roles import PumpLaser
 
         pump = station.role(self.instrument, PumpLaser)
-        if self.through:
-            pump.follow_trigger()
-        else:
+        if not self.through:
             pump.close_shutter()
+        elif self.steady:
+            pump.open_shutter()
+        else:
+            pump.follow_trigger()

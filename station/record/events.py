@@ -156,6 +156,7 @@ SAID: dict[str, str] = {
     "field-on": "what the device is tested with is on",
     "field-off": "what the device is tested with is off",
     "published-value": "{name} by the published formula: {value} {unit}",
+    "residual-by-modulation": "residual field by modulation, round {round}: {field_nT} nT",
     "residual-field": "residual field, round {round}: {field_nT} nT",
     "depolarised": "precession after the gradient, attempt {attempt}: {frequency_Hz} Hz",
     "shot-stays-bad": "{unit} stays bad: {reason}",

@@ -39,12 +39,18 @@ class SignalGenerator(Instrument, MadeSafe, Protocol):
         ...
 
     def prepare_step(
-        self, channel: int, voltage_V: float, duration_s: float, delay_s: float = 0.0
+        self,
+        channel: int,
+        voltage_V: float,
+        duration_s: float,
+        delay_s: float = 0.0,
+        cycles: int = 1,
     ) -> None:
         """Arm a step from what the channel holds by `voltage_V`, and back after `duration_s`.
 
         It begins `delay_s` after the external trigger that starts all armed channels of the bench
-        together.
+        together. With several `cycles` it is a square wave: each cycle is the step for `duration_s`
+        and what the channel holds for as long.
         """
         ...
 

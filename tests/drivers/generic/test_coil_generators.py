@@ -55,6 +55,19 @@ def test_a_step_begins_at_the_trigger_after_its_delay_and_ends_by_itself(
 
 
 @both
+def test_a_step_of_several_cycles_is_a_square_wave_from_the_trigger_on(model: str) -> None:
+    with generator(model) as (fixture, driver):
+        driver.hold(1, 0.3)
+        driver.prepare_step(1, 0.04, 0.0625, cycles=3)
+        fixture.clock.sleep(1.0)
+        fixture.rise()
+        middles = [0.0625 * (k + 0.5) for k in range(8)]
+        high, low = 0.34, 0.3
+        expected = [high, low, high, low, high, low, low, low]
+        assert fixture.volts("x", *middles) == pytest.approx(expected)
+
+
+@both
 def test_a_step_that_is_disarmed_never_comes(model: str) -> None:
     with generator(model) as (fixture, driver):
         driver.hold(1, 0.7)
@@ -77,6 +90,8 @@ def test_a_step_that_is_disarmed_never_comes(model: str) -> None:
         (lambda one: one.prepare_step(1, -1.0, 1e7), "its pulses last"),
         (lambda one: one.prepare_step(1, -1.0, 0.1, 2000.0), "after a trigger"),
         (lambda one: one.prepare_step(1, 1e-4, 0.1), "its least amplitude"),
+        (lambda one: one.prepare_step(1, -1.0, 0.1, cycles=0), "1 to 1000 cycles"),
+        (lambda one: one.prepare_step(1, -1.0, 0.1, cycles=1001), "1 to 1000 cycles"),
         (lambda one: one.hold(3, 1.0), "it has channels 1 and 2"),
     ],
 )

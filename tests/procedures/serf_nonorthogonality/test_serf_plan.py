@@ -33,6 +33,10 @@ def bench() -> Bench:
     return read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
 
 
+def tones(**others: Any) -> dict[str, Any]:
+    return {"method": "modulation", **others}
+
+
 def problems(one: Plan, bench: Bench) -> str:
     procedure = Procedures()[NAME]
     return "\n".join(problem.what for problem in problems_of_plan(procedure, one.parameters, bench))
@@ -50,6 +54,8 @@ def test_the_shipped_plan_has_no_fault(bench: Bench) -> None:
         ({"single_axis": "z"}, "the pump light"),
         ({"nuclear_spin": 1.0}, "1.5 (K"),
         ({"field": "50 Hz"}, "field"),
+        ({"nulling": "modulate"}, "must be 'precession' or 'modulation'"),
+        ({"nulling": {"method": "modulation", "tone": "9 nT"}}, "at most 5 nT"),
         ({"fields": {"x": "50 nT", "y": "50 nT", "z": "50 nT"}}, "either field or fields"),
         ({"field": None, "exchange_rate": None}, "relaxation_rate and exchange_rate"),
     ],
@@ -67,6 +73,9 @@ def test_a_fault_names_what_would_do(parameters: dict[str, Any], said: str) -> N
         ({"field": "500 nT", "sample_rate": "50 kHz"}, "25 V is more than the 9 V"),
         ({"field": "170 nT", "sample_rate": "50 kHz", "relaxation_rate": "120 Hz"}, "broadens"),
         ({"relaxation_rate": "2000 Hz"}, "fewer than one; take about"),
+        ({"nulling": tones(frequency="10 Hz")}, "lies 0 Hz from the mains"),
+        ({"nulling": tones(cycles=100)}, "its 16384 values hold"),
+        ({"nulling": tones(frequency="90 Hz", cycles=200), "sample_rate": "3 kHz"}, "75 Hz would"),
     ],
 )
 def test_what_the_bench_or_the_cell_cannot_do_is_said(
@@ -82,6 +91,15 @@ def test_a_bench_that_does_not_know_its_coils_is_named(tmp_path: Path) -> None:
     )
     blind = read_bench(tmp_path / "bench.yaml", registry.names(registry.DRIVERS))
     assert "settings.constant_x of signal_generator.xy" in problems(plan(), blind)
+
+
+def test_nulling_by_modulation_is_a_word_or_a_mapping_and_is_promised(bench: Bench) -> None:
+    assert plan().parameters.nulling.method == "precession"
+    alone = plan(nulling="modulation")
+    assert alone.parameters.nulling == plan(nulling=tones()).parameters.nulling
+    assert problems(alone, bench) == ""
+    said = " ".join(Procedures()[NAME].outlook(alone.parameters))
+    assert "tones of 0.4 nT at 8 Hz on each coil in turn" in said
 
 
 def test_the_field_is_chosen_where_the_angles_are_told_best() -> None:
