@@ -6,7 +6,7 @@ Analyses return these as they are, so nothing but the standard library may be im
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -188,10 +188,27 @@ class Covariance:
 
 
 @dataclass(frozen=True)
+class Trials:
+    """How the whole analysis is done again with other data, for a Monte Carlo; can be pickled.
+
+    `noisy(dataset, random)` returns the dataset with other noise, drawn by a NumPy generator from
+    what the analysis knows of it; `perturbed` has, by the name of an input quantity, what returns
+    the dataset as it is where the input deviates by so much. Inputs that it lacks are propagated
+    by their sensitivities.
+    """
+
+    dataset: Any
+    analyse: Callable[[Any], Analysis]
+    noisy: Callable[[Any, Any], Any]
+    perturbed: Mapping[str, Callable[[Any, float], Any]]
+
+
+@dataclass(frozen=True)
 class Findings:
     """All that an analysis says, and the type B inputs; `detail` is for the procedure's report.
 
-    `covariance` is that of the estimates' type A uncertainties; None where it is not known.
+    `covariance` is that of the estimates' type A uncertainties; None where it is not known. Without
+    `trials` there is no Monte Carlo.
     """
 
     estimates: Sequence[Estimate]
@@ -200,6 +217,7 @@ class Findings:
     inputs: Sequence[InputQuantity]
     detail: Any
     covariance: Covariance | None = None
+    trials: Trials | None = None
 
 
 def of_numbers(findings: Findings) -> Findings:

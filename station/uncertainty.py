@@ -11,6 +11,8 @@ from station.findings import Covariance, Estimate, InputQuantity, finite
 
 COVERAGE_PERCENT = 95
 TYPE_A = "repeatability (from the data)"
+MONTE_CARLO = "monte-carlo"
+"""The method of a result whose value and uncertainty are those of its trials."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,9 @@ def combine(
 ) -> list[Combined | None]:
     """Return each estimate's combined uncertainty, None where it has no value.
 
-    Effective degrees of freedom by Welch-Satterthwaite, coverage by Student's t (GUM annex G).
+    Effective degrees of freedom by Welch-Satterthwaite, coverage by Student's t (GUM annex G). By
+    Monte Carlo u is that of the trials, U reaches to the farther end of their interval, and the
+    budget stays the linear one.
     """
     import GTC
 
@@ -116,6 +120,10 @@ def combine(
         effective_dof = float(total.df)
         factor = float(GTC.rp.k_factor(effective_dof, COVERAGE_PERCENT))
         standard = float(total.u)
+        if estimate.method == MONTE_CARLO:
+            own, effective_dof = estimate.extra["monte_carlo"], math.inf
+            standard = own["standard_uncertainty"]
+            factor = max(abs(end - estimate.value) for end in own["interval"]) / standard
         combined.append(Combined(standard, effective_dof, factor, factor * standard, tuple(lines)))
     return combined
 

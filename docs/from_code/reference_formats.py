@@ -56,6 +56,20 @@ RESULT_KEYS = {
     "results[].guard_band": "where there is a limit: by how much the value must be inside it",
     "results[].conformity_probability": "where there is a limit: the probability that the quantity "
     "is within it (JCGM 106, 7.3)",
+    "results[].monte_carlo": "only by `--monte-carlo`: what trials of the whole analysis give",
+    "results[].monte_carlo.n": "how many trials",
+    "results[].monte_carlo.seed": "what their random numbers are made of",
+    "results[].monte_carlo.value": "mean of the trials; null where fewer than nine in ten of them "
+    "give a value",
+    "results[].monte_carlo.standard_uncertainty": "their standard deviation",
+    "results[].monte_carlo.interval": "the symmetric interval that holds 95 % of them",
+    "results[].monte_carlo.agrees": "whether its ends are those of the linear interval "
+    "(JCGM 101, clause 8; see explanations/uncertainty)",
+    "results[].monte_carlo.linear_value": "the value that the linear propagation holds for",
+    "results[].monte_carlo.linear_expanded_uncertainty": "U by the linear propagation",
+    "results[].monte_carlo.linear_inputs": "inputs that acted by their sensitivity, not through "
+    "the data",
+    "results[].monte_carlo.undetermined": "trials that gave no value",
     "results[].terms": "the combination that the value really is: coefficients and their shares",
     "results[].conditions": "what the value holds at, such as the temperature",
     "results[].frame": "the axes that an angle is taken from",

@@ -29,6 +29,7 @@ from .from_record import dataset_of_run, field_record, segment_of_unit
 from .parameters import AnalysisSettings, RlgParameters
 from .records import GAUSSMETER, GYRO, PlannedRecord, check_of, sensitivity_records
 from .steadiness import Tested, background, flags_of, repeated
+from .trials import trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -68,6 +69,7 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     tested = tested_results(folder, parameters, bench, analysis)
     inputs += undriven_inputs(analysis.estimates, settings(parameters))
     findings = to_findings(analysis, dataset, inputs, tested)
+    trials = trials_of(analysis, dataset, settings(parameters))
     absent = [undetermined(QUANTITY, axis, UNIT, METHOD) for axis in missing]
     flags = [
         Flag("not-identifiable", f"{axis} was not measured to its end.", axis)
@@ -80,6 +82,7 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
         findings,
         estimates=[*findings.estimates, *absent],
         flags=[*findings.flags, *flags],
+        trials=trials,
     )
 
 
@@ -167,7 +170,8 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     limits = AnalysisSettings(undriven_sensitivity=stated)
     analysis = analyse(dataset, limits)
     inputs = with_unstated(undriven_inputs(analysis.estimates, limits), INPUTS)
-    return to_findings(analysis, dataset, inputs, [])
+    findings = to_findings(analysis, dataset, inputs, [])
+    return replace(findings, trials=trials_of(analysis, dataset, limits))
 
 
 def settings(parameters: RlgParameters) -> AnalysisSettings:

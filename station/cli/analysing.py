@@ -20,6 +20,7 @@ from station.record.layout import EVENTS
 from station.report.numbers import format_like, format_result
 from station.results import ResultDocument
 from station.runner.evaluation import (
+    Propagate,
     evaluate_dataset,
     evaluate_run,
     exit_code_of,
@@ -31,6 +32,7 @@ from station.runner.evaluation import (
 )
 from station.speech import HERE, said, show
 from station.texts import FLAGS, catalogue
+from station.uncertainty import MONTE_CARLO
 
 
 def print_document(document: ResultDocument) -> None:
@@ -54,17 +56,50 @@ def print_document(document: ResultDocument) -> None:
     for flag in document.flags:
         named = " ".join(filter(None, (titles.get(flag.code), flag.code, flag.axis)))
         print(f"{named}: {said(flag.message)}")
+    _print_trials(document)
     show(f"verdict: {document.verdict}")
 
 
-def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: bool) -> int:
+def _print_trials(document: ResultDocument) -> None:
+    """Print how many results a Monte Carlo agrees with, and those that it does not."""
+    tried = [result for result in document.results if "monte_carlo" in result.estimate.extra]
+    if not tried:
+        return
+    entries = [result.estimate.extra["monte_carlo"] for result in tried]
+    agreeing = sum(entry["agrees"] for entry in entries)
+    show(
+        f"Monte Carlo of {entries[0]['n']} trials, seed {entries[0]['seed']}: {agreeing} of "
+        f"{len(tried)} results agree with the linear propagation"
+    )
+    for result, entry in zip(tried, entries, strict=True):
+        estimate = result.estimate
+        if entry["agrees"]:
+            continue
+        what = f"{said(estimate.measures)} {estimate.axis or ''}".strip()
+        u = entry["standard_uncertainty"]
+        if u is None:
+            show(f"  {what}: too few trials give a value")
+        elif estimate.method == MONTE_CARLO:
+            show(f"  {what}: less certain than linear, value and u are those of the trials")
+        else:
+            show(f"  {what}: u of the trials is {u:.2g} {estimate.unit}, the linear result stays")
+
+
+def analyse_data(
+    data: Path,
+    output: Path | None,
+    propagate: Propagate | None = None,
+    *,
+    compare: bool,
+    as_json: bool,
+) -> int:
     """Analyse a run folder or a dataset, print the results, and return the exit code."""
     if is_there(data / EVENTS):
-        document = analyse_run(data, output, compare=compare)
+        document = analyse_run(data, output, propagate, compare=compare)
     else:
         if compare:
             raise InputError(f"{data} is a dataset; it has no stored results to compare with")
-        document = analyse_dataset(data, output)
+        document = analyse_dataset(data, output, propagate)
     if as_json:
         print(json.dumps(document.to_data(), indent=1, ensure_ascii=False))
     else:
@@ -72,11 +107,13 @@ def analyse_data(data: Path, output: Path | None, *, compare: bool, as_json: boo
     return exit_code_of(document)
 
 
-def analyse_run(path: Path, output: Path | None, *, compare: bool) -> ResultDocument:
+def analyse_run(
+    path: Path, output: Path | None, propagate: Propagate | None = None, *, compare: bool
+) -> ResultDocument:
     """Analyse a run again: a new revision in its folder, or into `output`."""
     folder = RunFolder(path)
     old = stored_results(folder) if compare else None
-    document, findings = evaluate_run(folder)
+    document, findings = evaluate_run(folder, propagate=propagate)
     name_unused(folder)
     if output:
         written = made(output)
@@ -133,12 +170,14 @@ def made(output: Path) -> Path:
     return output
 
 
-def analyse_dataset(path: Path, output: Path | None) -> ResultDocument:
+def analyse_dataset(
+    path: Path, output: Path | None, propagate: Propagate | None = None
+) -> ResultDocument:
     """Analyse an imported dataset; with `output` its results and report are written there."""
     from station.report.run_report import report_of_dataset
 
     raw = read_dataset(path)
-    document, findings = evaluate_dataset(raw)
+    document, findings = evaluate_dataset(raw, propagate)
     if output is not None:
         made(output)
         write_results(output, document)

@@ -212,8 +212,19 @@ def analyse(
     every_run: Annotated[
         bool, typer.Option("--all", help="DATA is a folder of run folders: all into one table.")
     ] = False,
+    trials: Annotated[
+        int | None,
+        typer.Option(
+            "--monte-carlo",
+            metavar="N",
+            min=100,
+            help="Propagate the budget through the whole analysis by so many trials.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="With --monte-carlo: what is drawn.")] = 1,
     scheduler: Annotated[
-        str | None, typer.Option(help="With --all: a Dask cluster, such as tcp://host:8786.")
+        str | None,
+        typer.Option(help="With --all or --monte-carlo: a Dask cluster, as tcp://host:8786."),
     ] = None,
     with_calibration: Annotated[
         Path | None, typer.Option(help="With --all: YAML file of a recalled certificate.")
@@ -222,12 +233,19 @@ def analyse(
 ) -> None:
     """Compute results of a run again, of a dataset, of many runs."""
     from station.cli.analysing import analyse_data
-    from station.cli.reanalysing import analyse_store, refuse_without_all
+    from station.cli.reanalysing import (
+        analyse_store,
+        by_trials,
+        refuse_trials_of_many,
+        refuse_without_all,
+    )
 
     if every_run:
+        refuse_trials_of_many(trials)
         raise typer.Exit(analyse_store(data, output, scheduler, with_calibration, as_json=json))
-    refuse_without_all(scheduler, with_calibration)
-    raise typer.Exit(analyse_data(data, output, compare=compare, as_json=json))
+    refuse_without_all(scheduler, with_calibration, trials)
+    propagate = by_trials(trials, seed, scheduler)
+    raise typer.Exit(analyse_data(data, output, propagate, compare=compare, as_json=json))
 
 
 app.command("analyze", hidden=True)(analyse)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from station.cli.analysing import made
 from station.clock import RealClock
 from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
+from station.findings import Findings
 from station.reanalysis.one_run import Row
 from station.record.layout import EVENTS
+from station.runner.evaluation import Propagate
 from station.speech import show
 
+Done = TypeVar("Done")
 TABLE = "analysis.parquet"
 SAYS_EVERY_S = 5.0
 MAX_LISTED = 20
@@ -45,7 +48,11 @@ def analyse_store(
     write_table([], file.with_name(f".{TABLE}.tried"))  # before hours of work, not after them
     file.with_name(f".{TABLE}.tried").unlink()
     rows: list[Row] = []
-    for several in _reported(evaluated(folders, recall, scheduler), len(folders)):
+
+    def say(number: int, left: str) -> None:
+        tell(f"{number} of {len(folders)} runs evaluated, about {left} left")
+
+    for several in reported(evaluated(folders, recall, scheduler), len(folders), say):
         rows.extend(several)
     rows.sort(key=lambda row: row["folder"])
     write_table(rows, file)
@@ -57,10 +64,39 @@ def analyse_store(
     return EXIT_WRONG_INPUT if summary["failed"] else EXIT_DONE
 
 
-def refuse_without_all(*options: object) -> None:
-    """Raise InputError where an option is given that only `--all` has."""
-    if any(option is not None for option in options):
-        raise InputError("--scheduler and --with-calibration go with --all, and with a store")
+def refuse_without_all(
+    scheduler: str | None, calibration: Path | None, trials: int | None = None
+) -> None:
+    """Raise InputError where an option is given that needs another."""
+    if calibration is not None:
+        raise InputError("--with-calibration goes with --all, and with a store")
+    if scheduler is not None and trials is None:
+        raise InputError("--scheduler goes with --all and a store, or with --monte-carlo")
+
+
+def refuse_trials_of_many(trials: int | None) -> None:
+    """Raise InputError where many runs are to have a Monte Carlo."""
+    if trials is not None:
+        raise InputError("--monte-carlo goes with one run or dataset, not with --all")
+
+
+def by_trials(trials: int | None, seed: int, scheduler: str | None) -> Propagate | None:
+    """Return what propagates a budget by so many trials; None without them."""
+    if trials is None:
+        return None
+
+    def passing(done: Iterator[Done], chunks: int) -> Iterator[Done]:
+        def say(number: int, left: str) -> None:
+            tell(f"{number * trials // chunks} of {trials} trials done, about {left} left")
+
+        return reported(done, chunks, say)
+
+    def propagate(findings: Findings) -> Findings:
+        from station.reanalysis.monte_carlo import propagated
+
+        return propagated(findings, trials, seed, scheduler, passing)
+
+    return propagate
 
 
 def run_folders(store: Path) -> list[str]:
@@ -123,13 +159,12 @@ def _has_changed(row: Row) -> bool:
     return row["change_in_u"] is not None and abs(row["change_in_u"]) > NOTICED_U
 
 
-def _reported(done: Iterator[list[Row]], runs: int) -> Iterator[list[Row]]:
-    """Pass on what comes, and report every few seconds how far it is."""
+def reported(done: Iterator[Done], count: int, say: Callable[[int, str], None]) -> Iterator[Done]:
+    """Pass on what comes, and say every few seconds how many came and what time is left."""
     clock = RealClock()
     began_s = reported_s = clock.now()
-    for number, rows in enumerate(done, start=1):
-        yield rows
-        if clock.now() - reported_s >= SAYS_EVERY_S and number < runs:
+    for number, item in enumerate(done, start=1):
+        yield item
+        if clock.now() - reported_s >= SAYS_EVERY_S and number < count:
             reported_s = clock.now()
-            left_s = (reported_s - began_s) / number * (runs - number)
-            tell(f"{number} of {runs} runs evaluated, about {span(left_s)} left")
+            say(number, span((reported_s - began_s) / number * (count - number)))

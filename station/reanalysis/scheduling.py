@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError
 from station.reanalysis.one_run import Row, rows_of_run
@@ -27,18 +27,28 @@ def evaluated(
     What a worker had in hand when it died another does again; a run that kills each of its workers
     has a row that says so. Raises InputError where no cluster answers.
     """
+    for number, rows, error in each_done(rows_of_run, folders, scheduler, recall=recall):
+        if error is not None:
+            rows = [{"folder": folders[number], "error": f"no worker lived through it: {error}"}]
+        yield rows
+
+
+def each_done(
+    function: Callable[..., Any], items: Sequence[Any], scheduler: str | None, **shared: object
+) -> Iterator[tuple[int, Any, BaseException | None]]:
+    """Call a function with each item and what all share; yield in any order what comes of it.
+
+    That is the item's number, what was returned, and the error that ended it instead.
+    """
     refuse_without_packages()
     from distributed import as_completed
 
     with _client(scheduler) as client:
-        futures = client.map(rows_of_run, folders, recall=recall, retries=RETRIES, pure=False)
+        futures = client.map(function, items, **shared, retries=RETRIES, pure=False)
+        numbers = {future.key: number for number, future in enumerate(futures)}
         for future in as_completed(futures):
             error = future.exception()
-            if error is None:
-                yield future.result()
-            else:
-                number = futures.index(future)
-                yield [{"folder": folders[number], "error": f"no worker lived through it: {error}"}]
+            yield numbers[future.key], None if error else future.result(), error
 
 
 def refuse_without_packages() -> None:

@@ -33,6 +33,7 @@ from station.record.folder import PLOTS, REPORT, RESULTS, RunFolder
 from station.record.later import add_own_revision, draft_revision
 from station.record.layout import MANIFEST, write_manifest
 from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
+from station.report.trial_tables import trial_tables
 from station.results import ResultDocument, conclude
 from station.runner.calibration_flags import NOT_STATED, record_flags
 
@@ -45,8 +46,14 @@ LIBRARIES_BYTES = 280_000_000
 """Address space that SciPy and a report take, once a record is read; little of it is touched."""
 
 
+Propagate = Callable[[Findings], Findings]
+"""Propagates the budgets of findings in another way than by their sensitivities."""
+
+
 def evaluate_run(
-    folder: RunFolder, recalled: Callable[[Bench], Bench] | None = None
+    folder: RunFolder,
+    recalled: Callable[[Bench], Bench] | None = None,
+    propagate: Propagate | None = None,
 ) -> tuple[ResultDocument, Findings]:
     """Return the results of a run and what lies behind them, from its folder alone.
 
@@ -64,6 +71,7 @@ def evaluate_run(
     try:
         with quiet_numbers():
             findings, missing = findings_of_run(folder, plan, bench)
+            findings = propagate(findings) if propagate else findings
         of_records = list(record_flags(procedure, plan.parameters, bench))
         flags = [
             *findings.flags,
@@ -278,8 +286,9 @@ def write_revision(
 
 
 def plots_of(document: ResultDocument, findings: Findings) -> str:
-    """Return the text of `plots.json`: what the procedure adds to the report."""
-    return text_of_parts(procedure_of(document.procedure).report(findings, document))
+    """Return the text of `plots.json`: what the procedure adds to the report, and Monte Carlo."""
+    parts = procedure_of(document.procedure).report(findings, document)
+    return text_of_parts([*parts, *trial_tables(document)])
 
 
 def write_results(place: Path, document: ResultDocument) -> None:
@@ -300,7 +309,9 @@ def write_files(place: Path, document: ResultDocument, findings: Findings) -> No
         write_whole_file(place / name, text.encode())
 
 
-def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
+def evaluate_dataset(
+    raw: RawDataset, propagate: Propagate | None = None
+) -> tuple[ResultDocument, Findings]:
     """Return the results of an imported dataset; without a plan there are no limits.
 
     Raises FaultList when there is no such procedure, or for whatever is wrong in its files.
@@ -314,6 +325,7 @@ def evaluate_dataset(raw: RawDataset) -> tuple[ResultDocument, Findings]:
     try:
         with quiet_numbers():
             findings = check_findings(procedure, procedure.evaluate_dataset(raw))
+            findings = propagate(findings) if propagate else findings
             return conclude(raw.procedure, findings, {}, "simple"), findings
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
         raise InputError(
