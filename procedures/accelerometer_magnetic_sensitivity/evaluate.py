@@ -30,6 +30,7 @@ from .from_import import Conditions, dataset_of_import
 from .measuring import AXIS_COLUMN, FULL_TURN_DEG, GAUSSMETER, T_PER_MT
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, AnalysisSettings, Point
+from .trials import trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -64,8 +65,7 @@ def findings_of_run(
 ) -> Findings:
     """Return what a run's finished points say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
-    analysis = analyse(dataset, settings(parameters))
-    findings = _findings(analysis, dataset, type_b_inputs(parameters, bench))
+    findings = _findings(dataset, settings(parameters), type_b_inputs(parameters, bench))
     return with_overloads(findings, folder)
 
 
@@ -76,17 +76,19 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     tell that.
     """
     dataset = dataset_of_import(raw)
-    return _findings(analyse(dataset), dataset, stated_inputs(raw.conditions(Conditions)))
+    return _findings(dataset, AnalysisSettings(), stated_inputs(raw.conditions(Conditions)))
 
 
 def _findings(
-    analysis: AccelerometerAnalysis, dataset: AccelerometerDataset, inputs: Iterable[InputQuantity]
+    dataset: AccelerometerDataset, limits: AnalysisSettings, inputs: Iterable[InputQuantity]
 ) -> Findings:
     """Return findings with all inputs, and the covariance of coefficients solved together."""
+    analysis = analyse(dataset, limits)
     inputs = with_unstated([*inputs, *_mounting(analysis, dataset)], INPUTS)
     keys = tuple((name, None) for name in analysis.identifiability.kept)
     related = Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
-    return replace(findings_of(analysis, dataset, inputs), covariance=related)
+    findings = findings_of(analysis, dataset, inputs)
+    return replace(findings, covariance=related, trials=trials_of(analysis, dataset, limits))
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from procedures.common.switch_ons import GYRO
+from procedures.common.gyro_source import GYRO
 from station.procedure import LazyImport, Procedure, RecordUse, ResultKind
 
 from .parameters import UNITS, BiasTemperatureParameters

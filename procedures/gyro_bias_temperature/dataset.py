@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from procedures.common.conditions import OfGyros
-from procedures.common.switch_ons import GYRO
+from procedures.common.gyro_source import GYRO
 from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import Direction
 from procedures.estimation.pulses import pulses_of

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from numpy.polynomial import Chebyshev
 
-from procedures.common.switch_ons import GYRO
+from procedures.common.gyro_source import GYRO
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 

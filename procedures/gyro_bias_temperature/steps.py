@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.common.switch_ons import CABLES, GYRO, POWER
+from procedures.common.gyro_source import CABLES, GYRO
+from procedures.common.switch_ons import POWER
 from station.errors import ConditionNotReached
 from station.method.commands import GyroSampling, Power
 from station.method.duration import Duration, exactly
@@ -52,7 +53,7 @@ MOUNT = Prompt(
 def mount(run: Run) -> None:
     """1: the gyro in the chamber, its cables connected, the door closed."""
     run.ask(MOUNT)
-    run.ask(CABLES)
+    run.ask(CABLES[GYRO])
 
 
 def switch_on(run: Run) -> None:

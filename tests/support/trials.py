@@ -14,7 +14,7 @@ from station.reanalysis.monte_carlo import Chunk, propagated
 
 NEAR = 0.02
 """What a declared sensitivity is held to."""
-SEEN = 1e-3
+SEEN = 0.01
 """Of an estimate's u of type A: an input that moves it by less may move it otherwise."""
 
 
@@ -50,7 +50,7 @@ def wrong_sensitivities(
     """Return declared sensitivities, and those that each input's u has through the analysis, where
     they differ: by input, name and axis.
 
-    What an input moves by less than a thousandth of u of type A is not held.
+    What an input moves by less than a hundredth of u of type A is not held.
     """
     trials, wrong = trials_in(findings), {}
     for quantity in inputs:

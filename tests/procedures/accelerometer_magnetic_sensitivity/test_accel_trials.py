@@ -1,0 +1,57 @@
+"""The accelerometer's analysis tried again: what its inputs do to raw data, and its noise."""
+
+from __future__ import annotations
+
+import pytest
+from accelerometer_records import record
+from trials import in_this_process, trials_in, tried, with_inputs, wrong_sensitivities
+
+from procedures.accelerometer_magnetic_sensitivity.evaluate import INPUTS, WARMTH, _findings
+from procedures.accelerometer_magnetic_sensitivity.parameters import AnalysisSettings
+from station.findings import Findings
+
+U = {
+    "field_gain": 0.003,
+    "field_offset_T": 2e-6,
+    "voltage_gain": 2e-5,
+    "voltage_offset_V": 1e-5,
+    "graduation_sine_rad": 5e-6,
+    "graduation_cosine_rad": 5e-6,
+    "local_gravity": 1e-5,
+    "stage_angle_rad": 2e-5,
+    "probe_cosine": 1e-3,
+    "ambient_field_T": 3e-6,
+}
+LEAN_RAD = 1e-3
+
+
+def findings_of(planes: tuple[str, ...], angles: int) -> Findings:
+    """Return findings with every input stated."""
+    findings = _findings(record(3, planes, angles), AnalysisSettings(), [])
+    leans = [q.name for q in findings.inputs if q.name.startswith("mounting_")]
+    return with_inputs(findings, **U, **dict.fromkeys(leans, LEAN_RAD))
+
+
+@pytest.mark.parametrize(
+    "planes, angles", [(("io", "ip"), 9), (("io",), 4), (("op",), 9), (("level",), 4)]
+)
+def test_each_input_does_to_the_data_what_its_sensitivity_says(
+    planes: tuple[str, ...], angles: int
+) -> None:
+    findings = findings_of(planes, angles)
+    leans = {q.name for q in findings.inputs if q.name.startswith("mounting_")}
+    assert bool(leans) == (planes == ("level",))
+    assert wrong_sensitivities(findings, findings.inputs) == {}
+
+
+def test_only_the_thermometer_acts_by_its_sensitivity() -> None:
+    assert set(INPUTS) - set(trials_in(findings_of(("io",), 4)).perturbed) == {WARMTH}
+
+
+def test_trials_agree_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_this_process(monkeypatch)
+    estimates = tried(findings_of(("io", "ip"), 9), 300).estimates
+    entries = {e.name: e.extra["monte_carlo"] for e in estimates if e.value is not None}
+    assert len(entries) == 12
+    assert {name for name, entry in entries.items() if not entry["agrees"]} == set()
+    assert all(entry["linear_inputs"] == [] for entry in entries.values())
