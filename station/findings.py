@@ -193,14 +193,16 @@ class Trials:
 
     `noisy(dataset, random)` returns the dataset with other noise, drawn by a NumPy generator from
     what the analysis knows of it; `perturbed` has, by the name of an input quantity, what returns
-    the dataset as it is where the input deviates by so much. Inputs that it lacks are propagated
-    by their sensitivities.
+    the dataset as it is where the input deviates by so much. `drawn` has it of inputs that each
+    stand for many, such as the errors of all mountings: it takes their u, and draws them itself.
+    Inputs that both lack are propagated by their sensitivities.
     """
 
     dataset: Any
     analyse: Callable[[Any], Analysis]
     noisy: Callable[[Any, Any], Any]
     perturbed: Mapping[str, Callable[[Any, float], Any]]
+    drawn: Mapping[str, Callable[[Any, float, Any], Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

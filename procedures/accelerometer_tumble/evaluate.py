@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from .analysis import analyse
 from .dataset import AnalysisSettings, Conditions, TumbleDataset, dataset_of_import
 from .parameters import TumbleParameters
 from .solution import ENCODER, MOUNTING
+from .trials import trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -38,7 +40,7 @@ GRADUATION = ("graduation", FULL_TURN_DEG, "arcsec")
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says."""
     dataset, conditions = dataset_of_import(raw)
-    return findings_of(analyse(dataset), dataset, list(inputs_of(conditions)))
+    return _findings(dataset, AnalysisSettings(), list(inputs_of(conditions)))
 
 
 def findings_of_run(folder: RunFolder, parameters: TumbleParameters, bench: Bench) -> Findings:
@@ -49,7 +51,15 @@ def findings_of_run(folder: RunFolder, parameters: TumbleParameters, bench: Benc
     about = f"zero of the angle of {STAGE}"
     inputs += bench.stated_input((STAGE, "angle", 0.0, "rad"), "encoder_zero", about)
     settings = AnalysisSettings(**dict(parameters.thresholds))
-    return with_overloads(findings_of(analyse(dataset, settings), dataset, inputs), folder)
+    return with_overloads(_findings(dataset, settings, inputs), folder)
+
+
+def _findings(
+    dataset: TumbleDataset, settings: AnalysisSettings, inputs: list[InputQuantity]
+) -> Findings:
+    analysis = analyse(dataset, settings)
+    findings = findings_of(analysis, dataset, inputs)
+    return replace(findings, trials=trials_of(analysis, dataset, settings))
 
 
 def dataset_of_run(

@@ -157,7 +157,7 @@ class Climate:
 
     def begin_pulses(self) -> None:
         """Record the gyro's samples from now on."""
-        rates = {GYRO: 1.0 / self._parameters.sample_interval_s}
+        rates: Rates = {GYRO: 1.0 / self._parameters.sample_interval_s}
         self._pulses = Recording(self._run, self.unit, rates)
 
     def follow(self, seconds: float, doing: str) -> None:

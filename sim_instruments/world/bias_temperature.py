@@ -10,7 +10,7 @@ from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.laser_gyro import LaserGyro
 from sim_instruments.world.noise import ReadingNoise, Wander, generator
 from sim_instruments.world.piecewise import Array
-from sim_instruments.world.static_gyro import StaticGyroBench
+from sim_instruments.world.static_gyro import StaticLaserGyro
 
 PER_MINUTE = 60.0
 POWERS = 4
@@ -100,7 +100,7 @@ class GyroInChamber(LaserGyro):
         return np.interp(time_s / PLAY_CELL_S, cells, self._held_degC[first : last + 1])
 
 
-class BiasTemperatureBench(StaticGyroBench):
+class BiasTemperatureBench(StaticLaserGyro):
     """A gyro on a plate in a chamber, in no field.
 
     Truth below `simulation.bias_temperature`: `lag` of the gyro's temperature behind the chamber's

@@ -91,7 +91,7 @@ def deviations_of(
             (e.name, e.axis): at for e in estimates if (at := e.sensitivities.get(quantity.name))
         }
         if quantity.standard_uncertainty and moved:
-            linear = quantity.name not in again.perturbed
+            linear = quantity.name not in {*again.perturbed, *again.drawn}
             deviations.append(Deviation(quantity, moved if linear else {}))
     return deviations
 
@@ -140,8 +140,11 @@ def values_of_trial(
         with quiet_numbers():
             dataset = again.noisy(again.dataset, random)
             for each, deviation in zip(deviations, drawn, strict=True):
-                if each.quantity.name in again.perturbed:
-                    dataset = again.perturbed[each.quantity.name](dataset, deviation)
+                name, u = each.quantity.name, each.quantity.standard_uncertainty
+                if name in again.perturbed:
+                    dataset = again.perturbed[name](dataset, deviation)
+                elif name in again.drawn:
+                    dataset = again.drawn[name](dataset, u or 0.0, random)
             estimates = again.analyse(dataset).estimates
     except (ArithmeticError, ValueError):  # LinAlgError is a ValueError
         return [math.nan] * len(keys)
