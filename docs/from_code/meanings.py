@@ -616,6 +616,14 @@ CONDITIONS = {
         "unless given",
         "initial_heading": "heading at the start of the drive; without it the vehicle is taken to "
         "be level on the average",
+        "initial_pitch": "and pitch; a drive with specific force and reference needs all three",
+        "initial_roll": "and roll",
+        "initial_heading_uncertainty": "its standard uncertainty; not stated unless given",
+        "initial_level_uncertainty": "of pitch and roll, each; not stated unless given",
+        "accelerometer_bias": "specification of each accelerometer in the drive, a standard "
+        "uncertainty; not stated unless given",
+        "reference_position_uncertainty": "of the reference's positions, each, a standard "
+        "uncertainty; not stated unless given",
     },
     "nine-axis-calibration": {
         "latitude": "of the bench, north positive",

@@ -25,6 +25,8 @@ from .checks import (
 from .curve import CHECKED, Curve, published_curve
 from .dataset import AXES, PPM, AxisTurns, FogDataset, TurnTable, turn_errors_deg
 from .flags import axis_flags, check_flags, data_flags, drive_flags, fit_flags, stated_turn_ppm
+from .navigation import Navigated
+from .navigation_checks import navigated
 from .parameters import AnalysisSettings
 from .solution import AxisFit, fit_axis
 from .two_ways import two_ways
@@ -46,6 +48,7 @@ class FogAnalysis:
     published: Mapping[str, Curve | None]
     verified: Mapping[str, Verified]
     driven: Driven | None
+    navigated: Navigated | None
     flags: tuple[Flag, ...]
 
 
@@ -82,7 +85,9 @@ def analyse(dataset: FogDataset, settings: AnalysisSettings | None = None) -> Fo
         flags += axis_flags(fit, dataset)
         flags += verification_flags(verified.get(axis))
     flags += drive_flags(driven, curves, dataset.gyro_bias_deg_per_h)
-    return FogAnalysis(fits, published, verified, driven, tuple(flags))
+    journey, further = navigated(dataset.drive, curves)
+    flags += further
+    return FogAnalysis(fits, published, verified, driven, journey, tuple(flags))
 
 
 def _held_against(fit: AxisFit, verified: Verified) -> AxisFit:

@@ -82,13 +82,26 @@ class TurnTable:
 
 
 @dataclass(frozen=True)
+class Trajectory:
+    """Where a vehicle truly was, at times (n,) that rise; velocity (n, 3) is north, east, down."""
+
+    time_s: Array
+    latitude_deg: Array
+    longitude_deg: Array
+    height_m: Array
+    velocity_m_per_s: Array
+
+
+@dataclass(frozen=True)
 class Drive:
     """A drive for the vehicle test: body rates and gyro temperatures at times that rise.
 
     `rate_deg_per_s` and `temperature_degC` have shape (rows, 3): x forward, y right, z down, earth
     rate included. `heading_deg` (rows,) is a reference heading; without one the vehicle ends in the
     heading in which it began. `first_heading_known` says whether `first_heading_deg`, the
-    heading in which it began, is more than a guess.
+    heading in which it began, is more than a guess. `specific_force_m_per_s2` (rows, 3) along the
+    same axes is minus gravity at rest; with it, `reference` and the first attitude a drive shows
+    errors of position and velocity.
     """
 
     time_s: Array
@@ -98,6 +111,10 @@ class Drive:
     heading_deg: Array | None = None
     first_heading_deg: float = 0.0
     first_heading_known: bool = False
+    first_pitch_deg: float | None = None
+    first_roll_deg: float | None = None
+    specific_force_m_per_s2: Array | None = None
+    reference: Trajectory | None = None
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from .dataset import Drive, FogDataset
 from .flags import WIDE
 from .following import NAVIGATOR, ROOM_DEGC, TABLE
 from .from_import import Conditions, dataset_of_import
+from .navigation import ACCELEROMETER_BIAS, FIX, HEADING, LEVEL, NAMES, RUNS
 from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, FogParameters
 from .solution import AxisFit
 from .verification import Driven, Verified
@@ -82,7 +83,34 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
         WARMTH, ABOUT_WARMTH, conditions.thermometer_uncertainty_degC, "degC", CONDITIONS
     )
     latitude = latitude_input(conditions.latitude_uncertainty_arcmin)
-    return replace(findings, inputs=[*findings.inputs, warmth, latitude])
+    more = [] if analysis.navigated is None else drive_inputs(conditions)
+    return replace(findings, inputs=[*findings.inputs, warmth, latitude, *more])
+
+
+def drive_inputs(conditions: Conditions) -> list[InputQuantity]:
+    """Return how well the rest of a navigated drive is known."""
+    rows = (
+        (ACCELEROMETER_BIAS, "bias of each accelerometer", conditions.accelerometer_bias_ug, "ug"),
+        (
+            HEADING,
+            "heading in which the drive began",
+            conditions.initial_heading_uncertainty_arcmin,
+            "arcmin",
+        ),
+        (
+            LEVEL,
+            "pitch and roll in which the drive began",
+            conditions.initial_level_uncertainty_arcsec,
+            "arcsec",
+        ),
+        (
+            FIX,
+            "positions of the reference",
+            conditions.reference_position_uncertainty_mm,
+            "mm",
+        ),
+    )
+    return [InputQuantity.if_stated(*row, CONDITIONS) for row in rows]
 
 
 def latitude_input(u_arcmin: float | None) -> InputQuantity:
@@ -141,6 +169,7 @@ def to_findings(
         _verified(verified, analysis.fits[axis]) for axis, verified in analysis.verified.items()
     ]
     estimates += _driven(analysis.driven, dataset.drive, analysis.fits.get("z"))
+    estimates += _navigated(analysis, dataset.drive)
     inputs = []
     if dataset.gyro_bias_deg_per_h:
         inputs.append(
@@ -295,3 +324,32 @@ def _driven(driven: Driven | None, drive: Drive | None, fit: AxisFit | None) -> 
             extra,
         ),
     ]
+
+
+def _navigated(analysis: FogAnalysis, drive: Drive | None) -> list[Estimate]:
+    if drive is None or (drive.specific_force_m_per_s2 is None and drive.reference is None):
+        return []
+    journey = analysis.navigated
+    curves = {axis: fit.curve for axis, fit in analysis.fits.items() if fit.curve is not None}
+    estimates = []
+    for name in NAMES:
+        unit = "m/s" if name == "velocity_error" else "m"
+        for number, run in enumerate(RUNS):
+            if journey is None:
+                estimates.append(undetermined(f"{name}_{run}", None, unit, "least-squares"))
+                continue
+            size = journey.size(curves, name, number)
+            estimates.append(
+                Estimate(
+                    f"{name}_{run}",
+                    None,
+                    size.value,
+                    unit,
+                    size.u,
+                    size.degrees_of_freedom,
+                    "least-squares",
+                    size.sensitivities,
+                    {"time_s": size.at_s},
+                )
+            )
+    return estimates

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial.chebyshev import cheb2poly
 
 from procedures.common.constants import SECONDS_PER_HOUR
 from station.findings import Findings
@@ -33,6 +34,7 @@ from station.results import ResultDocument
 from .analysis import FogAnalysis
 from .curve import Band
 from .dataset import Array, FogDataset
+from .navigation import POSITION, VELOCITY, Navigated
 from .solution import AxisFit
 from .verification import Driven, Verified
 
@@ -63,7 +65,10 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     if analysis.driven is not None:
         reference = dataset.drive.heading_deg if dataset.drive is not None else None
         parts.append(_drive(analysis.driven, reference))
+    if analysis.navigated is not None:
+        parts.append(_navigated(analysis.navigated))
     if fitted:
+        parts += _polynomials(fitted)
         parts.append(_compensation(analysis, bias_deg_per_h))
     if any(len(fit.rejected) for fit in analysis.fits.values()):
         parts.append(_left_out(analysis))
@@ -344,3 +349,70 @@ def _drive(driven: Driven, reference_deg: Array | None) -> Plot:
         (Panel(lines, x=Axis("time, min"), y=Axis(label)),),
         2.7,
     )
+
+
+def _navigated(journey: Navigated) -> Plot:
+    """Return the horizontal errors of position and velocity against time."""
+    minutes = (journey.time_s - journey.time_s[0]) / 60.0
+    panels = []
+    for column, (part, label) in enumerate(
+        ((POSITION, "position error, m"), (VELOCITY, "velocity error, m/s"))
+    ):
+        lines = tuple(
+            Line(minutes, np.linalg.norm(error[:, part], axis=1), colour=colour, label=name)
+            for error, colour, name in (
+                (journey.error[0], VERMILION, "without compensation"),
+                (journey.error[1], BLUE, "with compensation"),
+            )
+        )
+        legend = "" if column else "best"
+        panels.append(
+            Panel(lines, x=Axis("time, min"), y=Axis(label), column=column, legend=legend)
+        )
+    return Plot(
+        "Navigation",
+        "Horizontal distance from the reference trajectory, and difference from its velocity, of "
+        "the drive's rates and specific force navigated without and with compensation.",
+        tuple(panels),
+        2.7,
+        gap_x=0.22,
+    )
+
+
+def _polynomials(fitted: Sequence[AxisFit]) -> list[Part]:
+    """Return the curves as formulas and as tables of coefficients."""
+    formulas, rows = [], []
+    for fit in fitted:
+        curve = fit.curve
+        assert curve is not None
+        low, high = curve.domain_degC
+        powers = cheb2poly(curve.coefficients_ppm)
+        formula = " ".join(
+            f"{power:+.10g}" + ("" if n == 0 else " t" if n == 1 else f" t^{n}")
+            for n, power in enumerate(powers)
+        )
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        formulas.append([fit.axis, f"(T - {middle:.10g})/{half:.10g}", formula.replace("-", "−")])
+        us = np.sqrt(np.diag(curve.covariance))
+        rows += [
+            [fit.axis, str(n), f"{chebyshev:.10g}", f"{u:.2g}", f"{power:.10g}"]
+            for n, (chebyshev, u, power) in enumerate(
+                zip(curve.coefficients_ppm, us, powers, strict=True)
+            )
+        ]
+    return [
+        Table(
+            "Polynomial",
+            "The curve as a formula: T is the gyro's own temperature in degC, held at the ends of "
+            "the range, at t = −1 and t = 1.",
+            ["axis", "t", "δ(T), ppm"],
+            formulas,
+        ),
+        Table(
+            "Coefficients",
+            "The same polynomial by Chebyshev polynomials of t, with the type A standard "
+            "uncertainty of each coefficient, and by powers of t.",
+            ["axis", "order", "Chebyshev, ppm", "u, ppm", "power, ppm"],
+            rows,
+        ),
+    ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,16 +12,16 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from station.dataset_reading import Table, check_ascending, read_table, refuse
 from station.fields import Celsius, Degree, Second, StrictModel, Unit
-from station.files.faults import FaultList
+from station.files.faults import Fault, FaultList
 from station.files.lookup import find
 
-from .dataset import AXES, Array, Drive, FogDataset, TurnTable
+from .dataset import AXES, Array, Drive, FogDataset, Trajectory, TurnTable
 from .parameters import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC, FogParameters
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
 
-TURNS, VERIFICATION, DRIVE = "turns", "verification", "drive"
+TURNS, VERIFICATION, DRIVE, REFERENCE = "turns", "verification", "drive", "reference"
 SIDES = ("before", "after")
 CHAMBER = "chamber_temperature_degC"
 REFERENCE_HEADING = "heading_deg"
@@ -28,8 +30,12 @@ DRIVE_COLUMNS = (
     *(f"rate_{axis}_deg_per_s" for axis in AXES),
     *(f"temperature_{axis}_degC" for axis in AXES),
 )
+SPECIFIC_FORCE = tuple(f"specific_force_{axis}_m_per_s2" for axis in AXES)
+VELOCITY = tuple(f"velocity_{direction}_m_per_s" for direction in ("north", "east", "down"))
+REFERENCE_COLUMNS = ("t_s", "latitude_deg", "longitude_deg", "height_m", *VELOCITY)
 PLACE = "inputs/drive.csv"
 """Where a run folder keeps the drive, byte by byte as it was when the run began."""
+FEWEST_FIXES, MAX_LATITUDE_DEG = 4, 89.0
 DRIVES, SUFFIX = "drives", ".csv"
 
 
@@ -52,6 +58,12 @@ class Conditions(StrictModel):
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
     latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
     initial_heading_deg: Degree | None = None
+    initial_pitch_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
+    initial_roll_deg: Degree | None = None
+    initial_heading_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
+    initial_level_uncertainty_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0)] | None = None
+    accelerometer_bias_ug: Annotated[float, Unit("ug"), Field(ge=0)] | None = None
+    reference_position_uncertainty_mm: Annotated[float, Unit("mm"), Field(ge=0)] | None = None
 
     @field_validator("temperature_range_degC")
     @classmethod
@@ -66,7 +78,10 @@ class Conditions(StrictModel):
 
 def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
     """Return the turns of an imported folder; FaultList names file, row and reason."""
-    raw.require_files((TURNS,), (VERIFICATION, DRIVE))
+    raw.require_files((TURNS,), (VERIFICATION, DRIVE, REFERENCE))
+    if REFERENCE in raw.files and DRIVE not in raw.files:
+        what = "is the trajectory of a drive, and there is no file drive"
+        raise FaultList([raw.document.fault(("files", REFERENCE), what)])
     full = conditions.attitude_output == "heading-pitch-roll"
     turns = read_turns(raw, TURNS, full)
     verification = read_turns(raw, VERIFICATION, full) if VERIFICATION in raw.files else None
@@ -76,6 +91,12 @@ def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
             what = "is missing: a drive turns with the earth, whose rate depends on it"
             raise FaultList([raw.document.fault(("conditions", "latitude"), what)])
         drive = read_drive(raw.file(DRIVE), conditions.latitude_deg, conditions.initial_heading_deg)
+        drive = replace(
+            drive,
+            first_pitch_deg=conditions.initial_pitch_deg,
+            first_roll_deg=conditions.initial_roll_deg,
+            reference=read_trajectory(raw.file(REFERENCE)) if REFERENCE in raw.files else None,
+        )
     return FogDataset(
         turns=turns,
         turn_sense=conditions.turn_sense,
@@ -142,7 +163,11 @@ def read_turns(raw: RawDataset, name: str, full_attitude: bool) -> TurnTable:
 
 def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None) -> Drive:
     """Return the drive in a CSV file; FaultList names file, row and reason."""
-    table = read_table(path, DRIVE_COLUMNS, (REFERENCE_HEADING,))
+    table = read_table(path, DRIVE_COLUMNS, (REFERENCE_HEADING, *SPECIFIC_FORCE))
+    lacking = [name for name in SPECIFIC_FORCE if name not in table]
+    if 0 < len(lacking) < len(SPECIFIC_FORCE):
+        what = "is missing: specific force has three axes"
+        raise FaultList([Fault(str(path), 1, 1, lacking[0], what)])
     check_ascending(path, table, "t_s")
     if len(table.lines) < 2:
         what = "a drive needs at least two rows"
@@ -155,7 +180,32 @@ def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None)
         heading_deg=table.get(REFERENCE_HEADING),
         first_heading_deg=first_heading_deg or 0.0,
         first_heading_known=first_heading_deg is not None,
+        specific_force_m_per_s2=None if lacking else _side_by_side(table, SPECIFIC_FORCE),
     )
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Return the reference trajectory in a CSV file; FaultList names file, row and reason."""
+    table = read_table(path, REFERENCE_COLUMNS)
+    check_ascending(path, table, "t_s")
+    faults = []
+    if len(table.lines) < FEWEST_FIXES:
+        faults.append(table.fault(0, "file", "a reference trajectory needs at least four rows"))
+    beyond = np.flatnonzero(np.abs(table["latitude_deg"]) > MAX_LATITUDE_DEG)
+    what = "lies at a pole or beyond it"
+    faults += [table.fault(int(row), "latitude_deg", what) for row in beyond]
+    refuse(faults)
+    return Trajectory(
+        time_s=table["t_s"],
+        latitude_deg=table["latitude_deg"],
+        longitude_deg=table["longitude_deg"],
+        height_m=table["height_m"],
+        velocity_m_per_s=_side_by_side(table, VELOCITY),
+    )
+
+
+def _side_by_side(table: Table, names: Sequence[str]) -> Array:
+    return np.column_stack([table[name] for name in names])
 
 
 def history_of(turns: TurnTable) -> dict[str, Array]:

@@ -106,7 +106,13 @@ def test_the_report_shows_curves_residuals_and_compensation() -> None:
         "Scale-factor error over temperature",
     }
     tables = {part.title: part for part in parts if isinstance(part, Table)}
-    assert set(tables) == {"Curves", "Before and after compensation", "Compensation"}
+    assert set(tables) == {
+        "Curves",
+        "Before and after compensation",
+        "Polynomial",
+        "Coefficients",
+        "Compensation",
+    }
     assert all(len(row) == len(one.columns) for one in tables.values() for row in one.rows)
 
 
