@@ -79,16 +79,17 @@ def test_a_coil_that_is_dead_or_turned_ends_the_run_by_name(
 
 
 @pytest.mark.parametrize(
-    ("nulling", "said"),
+    ("nulling", "others", "said"),
     [
-        ({"rounds": 1}, "after 1 rounds of nulling by modulation"),
-        ({"at_most": "1 nT"}, "more than nulling.at_most, 1 nT"),
+        ({"rounds": 1}, {}, "after 1 rounds of nulling by modulation"),
+        ({"at_most": "1 nT"}, {}, "more than nulling.at_most, 1 nT"),
+        ({}, {"full_scale": "0.05 V"}, "reaches the full scale, 0.05 V"),
     ],
 )
-def test_what_does_not_become_small_ends_the_run(
-    tmp_path: Path, nulling: dict[str, Any], said: str
+def test_what_does_not_become_small_or_is_cut_off_ends_the_run(
+    tmp_path: Path, nulling: dict[str, Any], others: dict[str, str], said: str
 ) -> None:
     rule = {"method": "modulation", **nulling}
-    outcome, _ = run_plan(tmp_path, 0, AT_REST, **AT_REST, nulling=rule)
+    outcome, _ = run_plan(tmp_path, 0, AT_REST, **AT_REST, **others, nulling=rule)
     assert outcome.exit_code == 3
     assert said in str(outcome.error)
