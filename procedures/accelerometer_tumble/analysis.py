@@ -64,9 +64,14 @@ def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> Tu
     if misread:
         solution, why = None, "What the columns mean is in doubt: no results."
     estimates = _estimates(used, terms, solution)
-    flags += fold_flags(terms) + misread
+    without = [
+        f"{estimate.name} {estimate.axis or ''}".rstrip()
+        for estimate in estimates
+        if estimate.value is None and estimate.name not in COEFFICIENTS
+    ]
+    flags += fold_flags(terms, without) + misread
     if solution is None:
-        flags.append(not_identifiable(why, COEFFICIENTS))
+        flags.append(not_identifiable(why, [*COEFFICIENTS, *without]))
     else:
         flags += result_flags(used, solution, estimates, settings)
     published = _published(reached)

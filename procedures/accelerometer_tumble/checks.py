@@ -170,8 +170,11 @@ CALLED_OTHERWISE: dict[str, Callable[[int, TumbleDataset], TumbleDataset]] = {
 }
 
 
-def fold_flags(terms: Terms) -> list[Flag]:
-    """Return the flag of coefficients that the mountings and positions do not determine alone."""
+def fold_flags(terms: Terms, without: Sequence[str]) -> list[Flag]:
+    """Return the flag of coefficients that the mountings and positions do not determine alone.
+
+    `without` are the angles and ratios that have no value for it.
+    """
     alone = {name for name, own in terms.items() if len(own) == 1}
     lost = [name for name in COEFFICIENTS if name not in alone]
     if not lost:
@@ -182,7 +185,7 @@ def fold_flags(terms: Terms) -> list[Flag]:
     fold_text = "The mountings and positions do not determine every coefficient alone."
     fold_text += f" Only together: {', '.join(together)}." if together else ""
     fold_text += f" Not at all: {', '.join(never)}." if never else ""
-    return [not_identifiable(fold_text, lost)]
+    return [not_identifiable(fold_text, [*lost, *without])]
 
 
 def result_flags(

@@ -11,10 +11,13 @@ from procedures.estimation.folding import Terms
 from station.findings import combination_text
 from station.report.numbers import format_number
 
+from .analysis import RATIOS
 from .dataset import TumbleDataset
 from .model import COEFFICIENTS, UNITS, Array, judge
 from .parameters import TumbleParameters
 from .solution import Parts, beside_model
+
+UNDECIDED = "this plan does not determine {}; its verdict will be inconclusive (exit code 6)"
 
 
 def ideal(parameters: TumbleParameters) -> TumbleDataset:
@@ -72,9 +75,10 @@ def undetermined(parameters: TumbleParameters) -> Mapping[str, str]:
             why[name] = f"this plan determines only {together[0]}; the limit is held against that"
             continue
         what = f"{name} alone, only {', '.join(together)}" if together else f"{name} at all"
-        why[name] = (
-            f"this plan does not determine {what}; its verdict will be inconclusive (exit code 6)"
-        )
+        why[name] = UNDECIDED.format(what)
+    for name, axis, over, _, _ in RATIOS:
+        if over != "K0" and len(terms.get(over, {})) != 1:
+            why[name] = UNDECIDED.format(f"{name} {axis}" if axis else name)
     return why
 
 

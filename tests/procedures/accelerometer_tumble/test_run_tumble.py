@@ -151,7 +151,9 @@ def test_the_budget_holds_what_plan_and_records_state(runs: Runs) -> None:
 def test_the_outlook_says_what_a_plan_determines() -> None:
     plan = {**shipped_plan(NAME)["parameters"], "mountings": ["io"]}
     one = TumbleParameters.model_validate(plan)
-    assert {"Kf", "Ko", "K0", "Koo"} < PROCEDURE.undetermined(one).keys()
+    undetermined = PROCEDURE.undetermined(one)
+    assert {"Kf", "Ko", "K0", "Koo", "misalignment", "fixture_error"} < undetermined.keys()
+    assert undetermined["misalignment"].startswith("this plan does not determine misalignment p;")
     assert PROCEDURE.outlook(one)[0] == "48 positions in 1 mountings"
     encoder = {"encoder_accuracy": "1 arcsec", "mounting_repeatability": "1 arcsec"}
     four = TumbleParameters.model_validate(shipped_plan(NAME)["parameters"] | encoder)

@@ -58,6 +58,8 @@ def test_mountings_decide_what_is_determined() -> None:
         "Kf": {"Kf": 1.0, "Ko": 1.0},
     }
     assert one.estimate("fixture_error").value is None
+    (flag,) = [flag for flag in one.flags if flag.code == "not-identifiable"]
+    assert {"fixture_error", "misalignment o", "Kop"} < set(flag.details["coefficients"])
     assert one.estimate("misalignment", "o").value is None
     assert one.estimate("bias").value is not None
     four = analyse(made(rng, Stage(mountings=FOUR[:1], positions=4)))
