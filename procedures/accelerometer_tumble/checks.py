@@ -87,7 +87,8 @@ def screened(dataset: TumbleDataset) -> tuple[TumbleDataset, list[Flag]]:
         )
         flags.append(Flag("overload", limit_text, None, {"count": len(rows)}))
     flags += implausible(dataset.gravity_g, GRAVITY)
-    flags += implausible(float(output[np.argmax(np.abs(output))]), OUTPUT)
+    if len(output):
+        flags += implausible(float(output[np.argmax(np.abs(output))]), OUTPUT)
     if rows := np.flatnonzero(dataset.far).tolist():
         far_text = (
             f"The encoder is more than {STOPPED_FAR_DEG:g} deg from the commanded angle in "

@@ -75,3 +75,11 @@ def test_turning_the_head_frees_the_third_order() -> None:
         for mountings in (FOUR, (*FOUR, *HEAD))
     )
     assert plain > 9e-6 and turned < 0.3 * plain
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 9])
+def test_a_run_that_ended_early_has_no_results_and_a_flag(rows: int) -> None:
+    readings = made(np.random.default_rng(1), Stage(positions=8))
+    analysis = analyse(readings.only(np.arange(len(readings.time_s)) < rows))
+    assert "not-identifiable" in codes(analysis)
+    assert analysis.estimate("Kpp").value is None
