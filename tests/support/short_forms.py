@@ -128,6 +128,7 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.ramp_down=2 degC/min",
         "parameters.chamber_interval=5 s",
         "parameters.soaked_within=8 degC",
+        "parameters.reference_temperature=24 degC",
         "limits.bias_temperature_sensitivity=null",
     ),
     "commissioning": only("coils"),

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from campaigns.truths import bias_temperature_truth
+from places import ROOT
 from plan_runs import run_of, shipped_bench, shipped_plan
 from quick_yaml import dump_yaml
 
 from procedures.gyro_bias_temperature.parameters import BiasTemperatureParameters
-from procedures.gyro_bias_temperature.steps import Climate
 from station import registry
 from station.cli.validating import read_bench_named, read_plan_for
 from station.errors import InputError
@@ -94,29 +97,46 @@ def test_the_shipped_plan_recovers_the_worlds_gyro(seed: int, tmp_path: Path) ->
     assert off_the_truth(outcome, one_switch_on(seed), SOAKS) == []
 
 
+KILLED = """
+import os, sys
+from pathlib import Path
+from procedures.gyro_bias_temperature.steps import Climate
+from plan_runs import run_of
+from quick_yaml import load_yaml
+
+folder, during = Path(sys.argv[1]), sys.argv[2]
+look, looks = Climate._look, []
+
+def until_the_middle(climate):
+    look(climate)
+    looks.append(climate.unit)
+    if looks.count(during) == 70:
+        os.kill(os.getpid(), 9)
+
+Climate._look = until_the_middle
+plan, bench = (load_yaml((folder / name).read_text("utf-8")) for name in ("plan", "bench"))
+run_of(folder, plan, bench)
+"""
+
+
 @pytest.mark.parametrize("during", ["ramp 3", pytest.param("soak 2", marks=pytest.mark.campaign)])
-def test_a_run_that_ended_in_the_middle_of_a_ramp_or_a_soak_goes_on(
-    during: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_run_that_is_killed_in_the_middle_of_a_ramp_or_a_soak_goes_on(
+    during: str, tmp_path: Path
 ) -> None:
     plan, bench = shipped_plan(NAME), shipped_bench()
     bench["simulation"]["gyro"]["switch_on_scatter"] = "0.3 deg/h"
     plan["parameters"] |= COOLER
-    looks: list[str] = []
-    look = Climate._look
-
-    def until_the_middle(climate: Climate) -> None:
-        look(climate)
-        looks.append(climate.unit)
-        if looks.count(during) == 70:
-            raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Climate, "_look", until_the_middle)
-        ended = run_of(tmp_path, plan, bench)
-    assert ended.exit_code == 3
-    resumed = resume(ResumeRequest(ended.folder, quiet=True, report=False))
+    for name, data in (("plan", plan), ("bench", bench)):
+        (tmp_path / name).write_text(dump_yaml(data), encoding="utf-8")
+    command = [sys.executable, "-c", KILLED, tmp_path, during]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "tests" / "support")}
+    killed = subprocess.run(command, env=environment, check=False, capture_output=True)
+    assert killed.returncode == -9, killed.stderr
+    (folder,) = (tmp_path / "runs").glob("[!.]*")
+    assert during not in RunFolder(folder).finished_units()
+    resumed = resume(ResumeRequest(folder, quiet=True, report=False))
     assert resumed.exit_code == 0, resumed.error
-    units = RunFolder(ended.folder).finished_units()
+    units = RunFolder(folder).finished_units()
     assert list(units).index("return 1") + 1 == list(units).index(during)
     assert {details["switch_on"] for details in units.values()} == {1, 2}
     assert resumed.document is not None
