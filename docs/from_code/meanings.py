@@ -385,9 +385,14 @@ PARAMETERS = {
         "switch_ons": "how often the gyro is switched on, with all records each time",
         "warm_up": "after each switch-on, before the records begin",
         "cool": "time switched off before each further one",
-        "sample_interval": "time between two counts of the board",
+        "source": "what gives the output: the pulse board of one gyro (axis IA), the nine-axis "
+        "sensor or the navigator (axes X, Y, Z)",
+        "axes": "each mounted up in turn; `IA` of a pulse board",
+        "clock": "standard uncertainty of the rate of the station's clock, for a sensor's rates",
+        "sample_interval": "time between two counts of the board, or two outputs",
         "reading_interval": "time between two readings of the table's encoder",
-        "pulse_weight": "nominal angle of one pulse, which the scale factor is relative to",
+        "pulse_weight": "nominal angle of one pulse, which the scale factor is relative to; of a "
+        "navigator the step of its angles; none of a sensor, which gives rates",
         "channel": "of the acquisition board",
         "levelled_by": "`table`, of three axes, or `person`",
         "table_axis": "number of the vertical axis where the bench file names none",

@@ -7,7 +7,7 @@ earth's rate out itself and levels by its accelerometers, so that its other gyro
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal, Protocol
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -72,13 +72,18 @@ class OfSource(StrictModel):
         return value
 
 
-def axes_of_source(value: dict[Axis, InputAxis], info: ValidationInfo) -> dict[Axis, InputAxis]:
-    """Refuse input axes that the plan's source does not measure."""
-    source = info.data.get("source")
-    if source == GYRO and list(value) != ["IA"]:
+def need_axes(source: Source | None, axes: Sequence[Axis]) -> None:
+    """Raise ValueError for axes that a source does not have."""
+    if source == GYRO and list(axes) != ["IA"]:
         raise ValueError("the pulse board counts one gyro: give IA alone")
-    if source != GYRO and "IA" in value:
+    if source != GYRO and "IA" in axes:
         raise ValueError("give the axes X, Y, Z instead of IA")
+
+
+def axes_of_source(value: dict[Axis, InputAxis], info: ValidationInfo) -> dict[Axis, InputAxis]:
+    """Refuse input axes that the plan's source does not measure at rest."""
+    source = info.data.get("source")
+    need_axes(source, list(value))
     if source == NAVIGATOR and any(abs(axis.elevation_deg) != 90.0 for axis in value.values()):
         raise ValueError(
             "a navigator shows the gyro along the vertical alone: it is mounted for each axis in "

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import FULL_TURN_DEG
-from procedures.common.gyro_source import GYRO
+from procedures.common.gyro_source import IMU, check_source, records_of_source
 from station.procedure import LazyImport, Problem, Procedure, RecordUse, ResultKind
 from station.roles.turntable import unnamed_axes
 
@@ -22,16 +22,26 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
 
+AXES = ("IA", "X", "Y", "Z")
+
+
 def records(parameters: RateTableParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records."""
-    return (
-        RecordUse(GYRO, "scale", 1.0, "1"),
-        RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg"),
-    )
+    table = RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg")
+    return (*records_of_source(parameters), table)
 
 
 def check(parameters: RateTableParameters, bench: Bench) -> Iterator[Problem]:
-    """Yield what the bench does not say of a table that levels its plate itself."""
+    """Yield what the bench does not say of a table that levels its plate itself, what the source
+    does not output, and rates beyond its range: the bench file's `rate` limit of the imu.
+    """
+    yield from check_source(parameters, bench)
+    sensor = bench.instruments.get(IMU)
+    largest = sensor.limits.get("rate") if sensor and parameters.source == IMU else None
+    for rate in parameters.rates_deg_per_s:
+        if largest is not None and rate >= largest:
+            what = f"{rate:g} deg/s is not below the gyro's range on this bench, {largest:g} deg/s"
+            yield Problem(("parameters", "rates"), what)
     table = bench.instruments.get(TURNTABLE)
     if table is not None and parameters.levelled_by == "table":
         for what in unnamed_axes(TURNTABLE, table.settings):
@@ -87,7 +97,7 @@ PROCEDURE = Procedure(
     source="Scale factor of a rate gyro on a rate table (terms of IEEE Std 952 and 647; no clause "
     "is quoted)",
     parameters=RateTableParameters,
-    results={name: ResultKind(("IA",), unit) for name, unit in UNITS.items()},
+    results={name: ResultKind(AXES, unit) for name, unit in UNITS.items()},
     steps=STEPS,
     records=records,
     check=check,
@@ -96,6 +106,7 @@ PROCEDURE = Procedure(
     conditions=LazyImport(f"{__name__}.dataset:Conditions").get,
     report=LazyImport(f"{__name__}.figures:draw_parts"),
     outlook=outlook,
+    measured_axes=lambda parameters: dict.fromkeys(UNITS, parameters.axes),
     undetermined=undetermined,
     assumptions=(
         "K is the slope of the unweighted line through the noise-free response at the recorded "

@@ -6,8 +6,8 @@ a line by least squares (practice after IEEE Std 952; no clause is quoted).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,23 @@ class RateTableAnalysis(Analysis):
     results: Results | None = None
 
 
+@dataclass(frozen=True)
+class TriadAnalysis(Analysis):
+    """The results of several axes, each measured upright by itself."""
+
+    axes: Mapping[str, RateTableAnalysis] = field(default_factory=dict)
+
+
+def together(axes: Mapping[str, RateTableAnalysis]) -> TriadAnalysis:
+    """Return the results of several axes as one analysis."""
+    return TriadAnalysis(
+        [estimate for own in axes.values() for estimate in own.estimates],
+        [published for own in axes.values() for published in own.published],
+        [flag for own in axes.values() for flag in own.flags],
+        axes,
+    )
+
+
 def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) -> RateTableAnalysis:
     """Return the results of a dataset."""
     screened = screen(dataset, settings.outlier)
@@ -49,9 +66,10 @@ def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) ->
         fit = solution_of(records, within, own, screened.scale, runs)
         results = results_of(fit, dataset.range_deg_per_s)
     estimates = _estimates(dataset, results, level)
-    published = published_values(records, screened.scale * dataset.earth_up_deg_per_h)
+    published = published_values(records, screened.scale * dataset.earth_up_deg_per_h, dataset.axis)
     flags = data_flags(dataset, screened, settings)
     flags += result_flags(screened, fit, results, estimates, settings)
+    flags = [replace(flag, axis=dataset.axis) for flag in flags]
     return RateTableAnalysis(estimates, published, flags, screened, fit, results)
 
 
@@ -92,7 +110,7 @@ def _estimates(
     for name, unit in UNITS.items():
         method, measured = METHODS.get(name, "least-squares"), named[name]
         if measured is None:
-            estimates.append(undetermined(name, "IA", unit, method))
+            estimates.append(undetermined(name, dataset.axis, unit, method))
             continue
         value, depends = measured.value, {}
         if name == "scale_factor":
@@ -117,7 +135,7 @@ def _estimates(
                 if np.isfinite(factor)
             ]
         estimates.append(
-            Estimate(name, "IA", value, unit, measured.u, freedom, method, depends, extra)
+            Estimate(name, dataset.axis, value, unit, measured.u, freedom, method, depends, extra)
         )
     return estimates
 
@@ -125,7 +143,7 @@ def _estimates(
 METHOD = "least-squares"
 
 
-def published_values(records: Sequence[Kept], earth_deg_per_h: float) -> list[Published]:
+def published_values(records: Sequence[Kept], earth_deg_per_h: float, axis: str) -> list[Published]:
     """Return what the rules give on the same data, None where they cannot run."""
     values: dict[str, float | None] = dict.fromkeys(UNITS)
     del values["nonlinearity"]
@@ -151,7 +169,7 @@ def published_values(records: Sequence[Kept], earth_deg_per_h: float) -> list[Pu
         values["scale_factor_repeatability"] = PPM * spread / abs(scale)
     methods = {"bias": "mean", "scale_factor_repeatability": "standard-deviation"}
     return [
-        Published(name, "IA", value, UNITS[name], methods.get(name, METHOD))
+        Published(name, axis, value, UNITS[name], methods.get(name, METHOD))
         for name, value in values.items()
     ]
 

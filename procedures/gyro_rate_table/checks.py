@@ -31,7 +31,7 @@ def data_flags(
     dataset: RateTableDataset, screened: Screened, settings: AnalysisSettings
 ) -> list[Flag]:
     """Return the flags on samples and turns."""
-    flags = _left_out(screened, settings)
+    flags = _left_out(screened, settings, dataset.axis)
     gaps = sum(
         (
             gaps_of(record.time_s, dataset.sample_interval_s, settings.gap)
@@ -52,7 +52,7 @@ def data_flags(
     return flags + implausible(screened.scale, SCALE, "IA")
 
 
-def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
+def _left_out(screened: Screened, settings: AnalysisSettings, axis: str) -> list[Flag]:
     flags = []
     if screened.saturated:
         rates = _rates([record.commanded_deg_per_s for record in screened.saturated])
@@ -63,8 +63,8 @@ def _left_out(screened: Screened, settings: AnalysisSettings) -> list[Flag]:
         flags.append(Flag("overload", sentence, "IA", {"rates": rates}))
     if screened.wild:
         sentence = (
-            f"{counted(screened.wild, 'sample')} of IA lie more than {settings.outlier:g} standard "
-            "deviations from the table's rate and are left out."
+            f"{counted(screened.wild, 'sample')} of {axis} lie more than {settings.outlier:g} "
+            "standard deviations from the table's rate and are left out."
         )
         flags.append(Flag("outliers-rejected", sentence, "IA", {"count": screened.wild}))
     wild = sum(kept.record.wild_readings for kept in screened.kept)

@@ -12,9 +12,8 @@ from pydantic import Field
 
 from procedures.common.conditions import OfRateOrCounts, OnEarth
 from procedures.common.constants import EARTH_RATE_DEG_PER_H, FULL_TURN_DEG, SECONDS_PER_HOUR
-from procedures.common.gyro_source import GYRO
-from procedures.estimation.alignment import align, unwrapped
-from procedures.estimation.pulses import pulses_of
+from procedures.common.gyro_source import GYRO, IMU, NAVIGATOR, Axis
+from procedures.estimation.gyro_outputs import outputs_of
 from procedures.estimation.turn_encoder import Encoder, unwrap
 from procedures.estimation.turn_track import SHORT_S, Track, track
 from station.dataset_checks import switch_ons
@@ -73,7 +72,8 @@ class RateTableDataset:
 
     `quantum_deg_per_s` is one count as a rate, 0 for rates; `encoder_accuracy_deg` the standard
     deviation of the encoder's error within a turn. `range_deg_per_s` is the gyro's full scale, None
-    where it is not stated.
+    where it is not stated. A navigator takes the earth's rate out itself: `earth_in_output` says
+    whether it is in the rates.
     """
 
     latitude_rad: float
@@ -82,16 +82,18 @@ class RateTableDataset:
     encoder_accuracy_deg: float
     records: tuple[Record, ...]
     range_deg_per_s: float | None = None
+    axis: str = "IA"
+    earth_in_output: bool = True
 
     @property
     def earth_up_deg_per_h(self) -> float:
         """The vertical part of the earth's rate."""
-        return float(EARTH_RATE_DEG_PER_H * np.sin(self.latitude_rad))
+        return float(EARTH_RATE_DEG_PER_H * np.sin(self.latitude_rad)) * self.earth_in_output
 
     @property
     def earth_level_deg_per_h(self) -> float:
         """The horizontal part of the earth's rate."""
-        return float(EARTH_RATE_DEG_PER_H * np.cos(self.latitude_rad))
+        return float(EARTH_RATE_DEG_PER_H * np.cos(self.latitude_rad)) * self.earth_in_output
 
 
 @dataclass(frozen=True)
@@ -210,27 +212,31 @@ USUAL = 1.5
 
 
 def dataset_of_run(
-    folder: RunFolder, parameters: RateTableParameters, bench: Bench
+    folder: RunFolder, parameters: RateTableParameters, bench: Bench, axis: Axis = "IA"
 ) -> RateTableDataset:
-    """Return the finished switch-ons of a run, times from when each was switched on.
+    """Return the finished switch-ons of a run with an axis up, times from each switch-on.
 
     The board's scale and the table's angle are corrected by their records.
     """
-    pulse_arcsec = parameters.pulse_weight_arcsec * float(bench.corrected(GYRO, "scale", 1.0, "1"))
-    quantum = pulse_arcsec / SECONDS_PER_HOUR / parameters.sample_interval_s
+    pulse_arcsec = parameters.pulse_weight_arcsec or 0.0
+    if parameters.source == GYRO:
+        pulse_arcsec *= float(bench.corrected(GYRO, "scale", 1.0, "1"))
     stated = bench.stated(TURNTABLE, "angle", FULL_TURN_DEG, "deg")
     records = [
         record
         for unit, details in folder.finished_units().items()
-        for record in _recorded(folder, unit, details, parameters, bench, quantum)
+        if details.get("axis", "IA") == axis
+        for record in _recorded(folder, unit, details, parameters, bench, axis, pulse_arcsec)
     ]
     return RateTableDataset(
         latitude_rad=float(np.deg2rad(parameters.latitude_deg)),
         sample_interval_s=parameters.sample_interval_s,
-        quantum_deg_per_s=quantum,
+        quantum_deg_per_s=pulse_arcsec / SECONDS_PER_HOUR / parameters.sample_interval_s,
         encoder_accuracy_deg=stated[0] if stated else 0.0,
         records=tuple(records),
         range_deg_per_s=parameters.range_deg_per_s,
+        axis=axis,
+        earth_in_output=parameters.source != NAVIGATOR,
     )
 
 
@@ -240,18 +246,19 @@ def _recorded(
     details: Mapping[str, Any],
     parameters: RateTableParameters,
     bench: Bench,
-    quantum: float,
+    axis: Axis,
+    pulse_arcsec: float,
 ) -> Iterator[Record]:
     interval_s = parameters.sample_interval_s
-    rows = folder.rows(GYRO, unit)
-    number = unwrapped(rows["sequence"])
-    if len(number) < 2:
-        raise MissingRows(unit, "the gyro's board said nothing")
-    # One line for the whole switch-on: its slope is the board's clock against the station's.
-    board = align(number, rows[ARRIVAL], interval_s)
-    whole = np.flatnonzero(np.diff(number) == 1) + 1
-    rate = pulses_of(rows["counts"])[whole - 1] * quantum
-    starts_s, ends_s = board.run_time_s(number[whole] - 1.0), board.run_time_s(number[whole])
+    rows = folder.rows(parameters.source, unit)
+    if len(rows) < 2:
+        raise MissingRows(unit, "the gyro's output did not come")
+    outputs = outputs_of(rows, interval_s, [axis], pulse_arcsec)
+    rate = outputs.rate_deg_per_h[:, 0] / SECONDS_PER_HOUR
+    if parameters.source == IMU:
+        # A rate counts over the interval by the station's clock, as the table's angle does.
+        rate = rate * outputs.clock.rate / interval_s
+    starts_s, ends_s = outputs.before_end_s(1.0), outputs.before_end_s(0.0)
     table = folder.rows(TURNTABLE, unit)
     for facts in details["records"]:
         path = _path(unit, table, facts)

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import ARCMIN_PER_RAD
-from procedures.common.gyro_source import GYRO
+from procedures.common.gyro_source import GYRO, IMU, NAVIGATOR
 from procedures.common.inputs import cosine_u
 from procedures.estimation.direction import Direction, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
-from .analysis import analyse
-from .dataset import AnalysisSettings, dataset_of_import, dataset_of_run
+from .analysis import analyse, together
+from .dataset import AnalysisSettings, RateTableDataset, dataset_of_import, dataset_of_run
 from .parameters import RateTableParameters
 
 if TYPE_CHECKING:
@@ -35,7 +35,9 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
         inputs.append(clock_input(conditions.clock_ppm, source))
     else:
         inputs.append(InputQuantity.if_stated("pulse_weight", PULSE, None, "1", source))
-    findings = findings_of(analyse(dataset), dataset, inputs)
+    findings = findings_of(
+        together({dataset.axis: analyse(dataset)}), {dataset.axis: dataset}, inputs
+    )
     u_arcmin = conditions.latitude_uncertainty_arcmin
     return with_latitude(findings, {"IA": UPWARDS}, dataset.latitude_rad, u_arcmin, source)
 
@@ -45,13 +47,24 @@ def findings_of_run(folder: RunFolder, parameters: RateTableParameters, bench: B
 
     Pulses over an angle need no clock; the encoder's error is in the records' own uncertainty.
     """
-    dataset = dataset_of_run(folder, parameters, bench)
     settings = AnalysisSettings(**dict(parameters.thresholds))
     inputs = list(mounting_inputs(parameters.alignment_arcmin, parameters.level_arcmin, "the plan"))
-    inputs += bench.stated_input((GYRO, "scale", 1.0, "1"), "pulse_weight", PULSE, relative=True)
-    findings = findings_of(analyse(dataset, settings), dataset, inputs)
+    if parameters.source == GYRO:
+        scale = (GYRO, "scale", 1.0, "1")
+        inputs += bench.stated_input(scale, "pulse_weight", PULSE, relative=True)
+    if parameters.source == IMU:
+        inputs.append(clock_input(parameters.clock_ppm, "the plan"))
+    datasets: dict[str, RateTableDataset] = {}
+    for axis in parameters.axes:
+        datasets[axis] = dataset_of_run(folder, parameters, bench, axis)
+    analysis = together({axis: analyse(dataset, settings) for axis, dataset in datasets.items()})
+    findings = findings_of(analysis, datasets, inputs)
+    if parameters.source == NAVIGATOR:
+        return findings
     u_arcmin = parameters.latitude_uncertainty_arcmin
-    return with_latitude(findings, {"IA": UPWARDS}, dataset.latitude_rad, u_arcmin, "the plan")
+    latitude_rad = math.radians(parameters.latitude_deg)
+    upwards: dict[str, Direction] = dict.fromkeys(parameters.axes, UPWARDS)
+    return with_latitude(findings, upwards, latitude_rad, u_arcmin, "the plan")
 
 
 def clock_input(u_ppm: float, source: str) -> InputQuantity:

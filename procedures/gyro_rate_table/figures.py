@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from station.findings import Findings
@@ -10,7 +12,7 @@ from station.plots import GREY, VERMILION, Axis, Panel, Plot, Points, Rule
 from station.report.numbers import format_number
 from station.results import ResultDocument
 
-from .analysis import RateTableAnalysis
+from .analysis import TriadAnalysis
 from .dataset import PPM
 from .solution import JointFit, Results
 
@@ -18,12 +20,18 @@ ZERO = Rule(y=0.0, colour=GREY, width=1.4, dashes="--")
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
-    """Return the response's distance from its line, the scale factors, and the residuals."""
-    analysis: RateTableAnalysis = findings.detail.analysis
-    fit, results = analysis.fit, analysis.results
-    if fit is None or results is None or results.scale_factor is None:
-        return ()
-    return (_factors(results), _distances(results), _residuals(fit), _table(results))
+    """Return of each axis the response's distance from its line, scale factors, residuals."""
+    analysis: TriadAnalysis = findings.detail.analysis
+    parts: list[Part] = []
+    for axis, own in analysis.axes.items():
+        if own.fit is None or own.results is None or own.results.scale_factor is None:
+            continue
+        drawn = (_factors(own.results), _distances(own.results), _residuals(own.fit))
+        of = "" if axis == "IA" else f", {axis}"
+        parts += [
+            replace(part, title=f"{part.title}{of}") for part in (*drawn, _table(own.results))
+        ]
+    return tuple(parts)
 
 
 def _factors(results: Results) -> Plot:

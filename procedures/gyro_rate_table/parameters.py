@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from procedures.common.constants import FULL_TURN_DEG
-from procedures.common.gyro_source import GYRO, Source
+from procedures.common.gyro_source import NAVIGATOR, Axis, OfSource, need_axes
 from procedures.common.switch_ons import Thresholds
-from station.fields import StrictModel, Unit
+from station.fields import Unit
 
 UNITS = {
     "scale_factor": "1",
@@ -21,6 +21,9 @@ UNITS = {
     "scale_factor_repeatability": "ppm",
     "bias": "deg/h",
 }
+
+LARGEST_STEP_DEG = 120.0
+"""Between two attitudes that must say which way round the table turned."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +39,11 @@ class Turn:
         return f"{self.rate_deg_per_s:+g} deg/s" if self.rate_deg_per_s else "standing"
 
 
-class RateTableParameters(StrictModel):
+class RateTableParameters(OfSource):
     """What the engineer chooses."""
 
+    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0, le=10)] = 1.0
+    axes: Annotated[tuple[Axis, ...], Field(min_length=1, validate_default=True)] = ("IA",)
     latitude_deg: Annotated[float, Unit("deg"), Field(ge=-90, le=90)]
     latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] = 0.0
     rates_deg_per_s: Annotated[
@@ -51,30 +56,38 @@ class RateTableParameters(StrictModel):
     switch_ons: Annotated[int, Field(ge=1, le=20)] = 3
     warm_up_s: Annotated[float, Unit("s"), Field(ge=0)] = 1800.0
     cool_s: Annotated[float, Unit("s"), Field(ge=0)] = 3600.0
-    sample_interval_s: Annotated[float, Unit("s"), Field(gt=0, le=10)] = 1.0
     reading_interval_s: Annotated[float, Unit("s"), Field(ge=0.1, le=10)] = 1.0
-    pulse_weight_arcsec: Annotated[float, Unit("arcsec"), Field(gt=0)]
-    channel: Annotated[int, Field(ge=1, le=3)] = 1
     levelled_by: Literal["table", "person"] = "table"
     table_axis: Annotated[int, Field(ge=1, le=3)] = 1
     alignment_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] = 3.0
     level_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0, le=600)] = 1.0
+    clock_ppm: Annotated[float, Unit("ppm"), Field(ge=0)] = 1.0
     angle_random_walk_deg_per_sqrt_h: Annotated[float, Unit("deg/sqrt(h)"), Field(gt=0)] = 0.001
     thresholds: Thresholds = Thresholds()
 
+    @field_validator("axes")
+    @classmethod
+    def of_source(cls, axes: tuple[Axis, ...], info: ValidationInfo) -> tuple[Axis, ...]:
+        """Refuse axes that the source does not have, and one that stands twice."""
+        need_axes(info.data.get("source"), axes)
+        if len(set(axes)) < len(axes):
+            raise ValueError("an axis stands twice")
+        return axes
+
     @field_validator("rates_deg_per_s")
     @classmethod
-    def each_once(cls, rates: tuple[float, ...]) -> tuple[float, ...]:
-        """Refuse a rate that stands twice."""
+    def each_once(cls, rates: tuple[float, ...], info: ValidationInfo) -> tuple[float, ...]:
+        """Refuse a rate that stands twice, and one whose turns a navigator's attitude hides."""
         for place, rate in enumerate(rates):
             if any(math.isclose(rate, other, rel_tol=1e-9) for other in rates[:place]):
                 raise ValueError(f"{rate:g} deg/s stands twice")
+        largest_deg = max(rates) * info.data.get("sample_interval_s", 0.0)
+        if info.data.get("source") == NAVIGATOR and largest_deg > LARGEST_STEP_DEG:
+            raise ValueError(
+                f"a navigator that turns {largest_deg:g} deg between two outputs does not show "
+                "how far; give a shorter sample_interval"
+            )
         return rates
-
-    @property
-    def source(self) -> Source:
-        """The instrument that counts."""
-        return GYRO
 
     @property
     def turns(self) -> tuple[Turn, ...]:

@@ -7,6 +7,8 @@ rate reads delta(T) too large; a coil whose temperature changes reads a rate tha
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from sim_instruments.truth import SimulationError, Truth
@@ -14,6 +16,7 @@ from sim_instruments.world.base import World, nothing
 from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import Navigator
+from sim_instruments.world.nine_axis import DIRECTIONS
 from sim_instruments.world.noise import RandomWalk, ReadingNoise, generator
 from sim_instruments.world.piecewise import Array
 from sim_instruments.world.table import RAD_PER_S, Table
@@ -167,6 +170,13 @@ class FogBench(World):
                 nothing,
                 "The simulated navigator stands in the chamber, its door closed.",
             ),
+            **{
+                f"navigator-{axes}": (
+                    partial(self.mount, np.column_stack(DIRECTIONS[axes])),
+                    f"The simulated navigator stands with {axes}.",
+                )
+                for axes in (f"{axis}-{way}" for axis in "XYZ" for way in ("up", "down"))
+            },
             **self.usual_acts(
                 "The simulated navigator was switched on, and its gyros warm up.",
                 "The simulated navigator was switched off.",

@@ -1,20 +1,24 @@
-"""The world of the rate table: the laser gyro on the turntable, its input axis up."""
+"""The world of the rate table: laser gyro, navigator and sensor, each with its axis up on it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from sim_instruments.truth import Truth
+from sim_instruments.world.base import World
+from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import EARTH_RATE_DEG_PER_H
+from sim_instruments.world.nine_axis import NineAxisBench
 from sim_instruments.world.noise import generator
 from sim_instruments.world.piecewise import Array
 from sim_instruments.world.static_gyro import StaticLaserGyro
 from sim_instruments.world.table import Table
+from sim_instruments.world.together import WorldsTogether
 
 ARCSEC = 3600.0
 
 
-class RateTableBench(StaticLaserGyro):
+class TurningLaserGyro(StaticLaserGyro):
     """A gyro that feels the turns of the table that carries it.
 
     Truth below `simulation.rate_table`: `scale_factor_error`, and `switch_on_scatter`, its standard
@@ -25,8 +29,9 @@ class RateTableBench(StaticLaserGyro):
     """
 
     preparations: tuple[str, ...] = ("mount-gyro-on-table", "connect-cables", "dut-power-on")
+    on_table = True
 
-    def __init__(self, truth: Truth) -> None:
+    def __init__(self, truth: Truth, table: Table | None = None) -> None:
         own = truth.section("rate_table")
         self._error = own.quantity("scale_factor_error", "1")
         self._scatter_of_scale = own.quantity("switch_on_scatter", "1")
@@ -41,7 +46,7 @@ class RateTableBench(StaticLaserGyro):
         self.drawn_scale: list[float] = []
         outer = truth.section("fog").section("table").section("outer")
         self._outer = outer.integer("axis", 1)
-        self.table = Table.of_bench(truth, self._table_changed)
+        self.table = table or Table.of_bench(truth, self.table_changed)
         super().__init__(truth)
         self.acts["mount-gyro-on-table"] = (
             self._mount,
@@ -77,5 +82,16 @@ class RateTableBench(StaticLaserGyro):
         on_s = np.diff(self.gyro.heat.on_time(edges_s))
         return np.asarray(still + angle * on_s / time_s)
 
-    def _table_changed(self, time_s: float) -> None:
-        self._changed()
+
+SECTIONS: dict[str, type[World]] = {
+    "gyro": TurningLaserGyro,
+    "nine_axis": NineAxisBench,
+    "fog": FogBench,
+}
+
+
+class RateTableBench(WorldsTogether):
+    """The gyros that a bench describes, on its turntable."""
+
+    def __init__(self, truth: Truth) -> None:
+        super().__init__(truth, SECTIONS)

@@ -6,13 +6,11 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
 from sim_instruments.truth import Truth
 from sim_instruments.world.base import World
 from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import LaserGyroBench
-from sim_instruments.world.nine_axis import DIRECTIONS, POSES, NineAxisBench
+from sim_instruments.world.nine_axis import POSES, NineAxisBench
 from sim_instruments.world.noise import generator
 from sim_instruments.world.table import Table
 from sim_instruments.world.together import WorldsTogether
@@ -49,12 +47,6 @@ class StillNavigator(FogBench):
         still = {**truth.section("fog").raw("table"), "wander": "0 arcsec"}
         rng = generator(truth.integer("seed", 0), "table")
         super().__init__(truth, Table(Truth(still, "fog.table"), rng, self.table_changed))
-        for axis in "XYZ":
-            for way in ("up", "down"):
-                self.acts[f"navigator-{axis}-{way}"] = (
-                    partial(self.mount, np.column_stack(DIRECTIONS[f"{axis}-{way}"])),
-                    f"The simulated navigator stands on the plate, {axis} {way}.",
-                )
 
 
 class StillSensor(NineAxisBench):

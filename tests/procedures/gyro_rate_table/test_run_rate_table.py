@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from plan_runs import run_of, shipped_bench, shipped_plan
+from pydantic import ValidationError
 
 from procedures.gyro_rate_table import PROCEDURE
 from procedures.gyro_rate_table.figures import draw_parts
 from procedures.gyro_rate_table.parameters import RateTableParameters
 from procedures.gyro_rate_table.steps import need_gyro_follows
+from station import registry
 from station.errors import ConditionNotReached
+from station.files.lookup import BENCHES, find
+from station.instruments.bench import read_bench
 from station.record.folder import RunFolder
 from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
@@ -116,3 +123,64 @@ def test_a_table_of_one_axis_is_levelled_by_a_person() -> None:
     commands = PROCEDURE.walk(parameters).commands
     words = {command.text for command in commands if hasattr(command, "text")}
     assert "middle and inner axis to 0 deg" not in words
+
+
+@pytest.mark.parametrize("source", ["imu", "navigator"])
+def test_the_run_recovers_each_gyro_of_a_source(source: str, tmp_path: Path) -> None:
+    plan = shipped_plan(f"{NAME}-{source}")
+    plan["parameters"] |= SHORT | {"axes": ["X", "Z"]}
+    if source == "navigator":
+        plan["parameters"] |= {"warm_up": "240 min"}
+    plan["limits"] = {"asymmetry": {"max_abs": "30 ppm"}}
+    outcome = run_of(tmp_path, plan, shipped_bench())
+    assert outcome.exit_code == 0, outcome.error
+    assert outcome.document is not None
+    units = RunFolder(outcome.folder).finished_units()
+    assert list(units) == [f"{axis} switch-on {n}" for axis in "XZ" for n in (1, 2)]
+    results = {
+        (result["name"], result["axis"]): result for result in outcome.document.to_data()["results"]
+    }
+    # In a room of 22.5 degC a navigator's own heat decides its scale factor.
+    curves = {"X": (4.6, (-12, -158, 194, -66, 90)), "Z": (4.2, (60, -120, -110, -25, -18))}
+    errors = {
+        axis: np.polyval(own[::-1], (12.5 + heat) / 50.0) for axis, (heat, own) in curves.items()
+    }
+    asymmetry = {"X": 0.0, "Z": 0.0}
+    if source == "imu":
+        rates = np.array(RATES)
+        swing = float(rates**2 @ np.sin(2.0 * np.pi * rates / 140.0)) / float(rates @ rates)
+        errors = {"X": 120.0 + 5.0 * swing, "Z": 210.0 + 20.0 * swing}
+        asymmetry = {"X": 12.0, "Z": 5.0}
+    for axis, error in errors.items():
+        for name, true in (("scale_factor", 1.0 + error / PPM), ("asymmetry", asymmetry[axis])):
+            result = results[name, axis]
+            assert abs(result["value"] - true) < 3.5 * result["standard_uncertainty"], result
+    inputs = [line["quantity"] for line in results["scale_factor", "X"]["budget"]]
+    assert ("clock" in str(inputs)) == (source == "imu")
+
+
+@pytest.mark.parametrize(
+    ("source", "change", "what"),
+    [
+        ("imu", {"axes": ["IA"]}, "give the axes X, Y, Z"),
+        ("imu", {"axes": ["X", "X"]}, "an axis stands twice"),
+        ("navigator", {"rates": ["10 deg/s", "200 deg/s"]}, "turns 200 deg between two outputs"),
+        ("navigator", {"source": "gyro_acquisition"}, "give IA alone"),
+    ],
+)
+def test_a_plan_whose_source_does_not_fit_is_refused(
+    source: str, change: dict[str, Any], what: str
+) -> None:
+    parameters = {**shipped_plan(f"{NAME}-{source}")["parameters"], **change}
+    with pytest.raises(ValidationError, match=what):
+        RateTableParameters.model_validate(parameters)
+
+
+def test_a_rate_beyond_the_sensors_range_is_named() -> None:
+    rates = {"rates": ["100 deg/s", "500 deg/s"], "sample_interval": "0.3 s"}
+    parameters = {**shipped_plan(f"{NAME}-imu")["parameters"], **rates}
+    bench = read_bench(find(BENCHES, "sim"), registry.names(registry.DRIVERS))
+    problems = PROCEDURE.check(RateTableParameters.model_validate(parameters), bench)
+    interval, rate = (problem.what for problem in problems)
+    assert "a KVH 1775 outputs" in interval
+    assert rate == "500 deg/s is not below the gyro's range on this bench, 490 deg/s"

@@ -169,6 +169,8 @@ def rate_table_truth(bench: Mapping[str, Any], result: Mapping[str, Any]) -> flo
     K is the slope of the line through its response.
     """
     gyro = bench["simulation"]["rate_table"]
+    if result["axis"] != "IA":  # of the navigator or of the sensor
+        return None
     if result["name"] == "asymmetry":
         return number(gyro["asymmetry"])
     if result["name"] != "scale_factor":
