@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from .from_import import dataset_of_import
 from .nulling_by_tones import MODULATED
 from .parameters import AnalysisSettings, SerfParameters
 from .shots import AXES, REPEATED, Wanted
+from .trials import trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -45,13 +47,22 @@ def findings_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench)
     """Return what a run's finished shots say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     inputs = [*common_inputs(dataset), *bench_inputs(dataset, parameters, bench)]
-    return findings_of(analyse(dataset, settings(parameters)), dataset, inputs)
+    return _findings(dataset, settings(parameters), inputs)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says; it brings no calibration records."""
     dataset = dataset_of_import(raw)
-    return findings_of(analyse(dataset), dataset, with_unstated(common_inputs(dataset), INPUTS))
+    inputs = with_unstated(common_inputs(dataset), INPUTS)
+    return _findings(dataset, AnalysisSettings(), inputs)
+
+
+def _findings(
+    dataset: SerfDataset, limits: AnalysisSettings, inputs: list[InputQuantity]
+) -> Findings:
+    analysis = analyse(dataset, limits)
+    findings = findings_of(analysis, dataset, inputs)
+    return replace(findings, trials=trials_of(analysis, dataset, limits))
 
 
 def settings(parameters: SerfParameters) -> AnalysisSettings:

@@ -30,8 +30,10 @@ COVERAGE = 0.95
 CHUNKS = 100
 TWO_DIGITS = 200_000
 """Trials from which u is held to two significant digits: 10^4/(1 - p), as JCGM 101, 7.2.2, asks."""
-ERRORS = 2.0
+ERRORS = 3.0
 """Standard errors of an end of the trials' interval, by which it may lie farther off."""
+END = 2.67
+"""Standard error of an end of the interval of normal deviates, times the root of their number."""
 FEWEST = 0.9
 """Part of the trials that must give a result, for anything to be said of it."""
 
@@ -84,15 +86,21 @@ def propagated(
 def deviations_of(
     estimates: Sequence[Estimate], inputs: Sequence[InputQuantity], again: Trials
 ) -> list[Deviation]:
-    """Return the inputs that are stated and that move a result."""
+    """Return the inputs that are stated and that move a result.
+
+    A result without u of type A, such as a constant, is moved by no data.
+    """
     deviations = []
     for quantity in inputs:
-        moved = {
-            (e.name, e.axis): at for e in estimates if (at := e.sensitivities.get(quantity.name))
-        }
+        name, served = quantity.name, {*again.perturbed, *again.drawn}
+        moved = [e for e in estimates if e.sensitivities.get(name)]
         if quantity.standard_uncertainty and moved:
-            linear = quantity.name not in {*again.perturbed, *again.drawn}
-            deviations.append(Deviation(quantity, moved if linear else {}))
+            linear = {
+                (e.name, e.axis): e.sensitivities[name]
+                for e in moved
+                if name not in served or not e.standard_uncertainty
+            }
+            deviations.append(Deviation(quantity, linear))
     return deviations
 
 
@@ -198,7 +206,8 @@ def judge(
 def interval_of(values: Array) -> tuple[Array, Array]:
     """Return the symmetric 95 % interval of sorted values (JCGM 101, 7.7), and its ends' errors.
 
-    An end is an order statistic, whose rank is binomially distributed.
+    An end is an order statistic, whose rank is binomially distributed; few trials tell its error
+    badly, which is not taken for less than that of normal deviates.
     """
     count = len(values)
     inside = int(COVERAGE * count + 0.5)
@@ -208,7 +217,8 @@ def interval_of(values: Array) -> tuple[Array, Array]:
     after, before = np.minimum(places + spread, count - 1), np.maximum(places - spread, 0)
     # At the outermost ranks the difference reaches to one side only.
     steps = (after - before) / (2.0 * spread)
-    return values[places], 0.5 * (values[after] - values[before]) / steps
+    errors = 0.5 * (values[after] - values[before]) / steps
+    return values[places], np.maximum(errors, END * values.std(ddof=1) / math.sqrt(count))
 
 
 def tolerance(u: float, trials: int) -> float:

@@ -29,9 +29,9 @@ def trial_tables(document: ResultDocument) -> Iterator[Table]:
         f"{entry['n']} trials of the whole analysis, seed {entry['seed']}: other noise, and every "
         "stated input as it is distributed. They agree where both ends lie no farther apart than "
         "half a unit of the last significant digit of u, one digit below 200,000 trials and two "
-        "above, and two standard errors of the end (JCGM 101, clause 8). Where the interval of the "
-        "trials reaches out of the linear one by more, the result is that of the trials; where it "
-        "stays within, u holds what trials of the same model cannot show, and the linear result "
+        "above, and three standard errors of the end (JCGM 101, clause 8). Where the interval of "
+        "the trials reaches out of the linear one by more, the result is that of the trials; where "
+        "it stays within, u holds what trials of the same model cannot show, and the linear result "
         "stays."
     )
     cells = []

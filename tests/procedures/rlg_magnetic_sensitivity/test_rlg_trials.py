@@ -21,10 +21,10 @@ from station.findings import Findings
 from station.uncertainty import combine
 
 U = {
-    "field_gain": 0.005,
-    "field_time_offset_s": 0.005,
-    "probe_cosine": 0.002,
-    "gyro_scale": 0.001,
+    "field_gain": 0.03,
+    "field_time_offset_s": 0.05,
+    "probe_cosine": 0.03,
+    "gyro_scale": 0.03,
 }
 LEAN = np.array([[1.0, 0.05, -0.03], [0.02, 1.0, 0.01], [0.0, 0.0, 1.0]])
 
