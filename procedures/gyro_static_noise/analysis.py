@@ -36,6 +36,13 @@ FACTORS = np.array([1.0, 1.0 / PER_SQRT_H, 1.0, PER_SQRT_H])
 """From arcsec, deg/h sqrt(s), deg/h, deg/h/sqrt(s) to the units of the results."""
 ROUNDING = "the rounding of a rate is white and stands in the angle random walk."
 SETTINGS = AnalysisSettings()
+BY_CLOCK = {
+    "quantisation_noise": 0.0,
+    "angle_random_walk": -0.5,
+    "rate_random_walk": -1.5,
+    "rate_ramp": -2.0,
+}
+"""The power of the time that goes into a result, where it is not that of a rate."""
 METHODS = {"bias": "mean", "bias_stability": "standard-deviation"}
 METHODS["bias_repeatability"] = "standard-deviation"
 
@@ -147,7 +154,7 @@ def _estimates(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Estimate]
             continue
         value, more = quantity.value, extra.get(name, {})
         # As read: the earth's rate is in it. Rates go with the pulse and against the time.
-        depends = {"pulse_weight": value, "clock": -value}
+        depends = {"pulse_weight": value, "clock": BY_CLOCK.get(name, -1.0) * value}
         if name == "bias":
             value -= dataset.earth_deg_per_h(analysed.axis)
         if name == "bias" and dataset.earth_in_output:

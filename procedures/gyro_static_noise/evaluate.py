@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from procedures.common.gyro_source import GYRO
@@ -10,8 +11,9 @@ from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
-from .dataset import AnalysisSettings, dataset_of_import, dataset_of_run
+from .dataset import AnalysisSettings, StaticDataset, dataset_of_import, dataset_of_run
 from .parameters import StaticParameters
+from .trials import trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -31,7 +33,7 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     inputs = list(attitude_inputs(dataset.directions, u_arcmin, source))
     u_latitude = conditions.latitude_uncertainty_arcmin
     declared = OF_COUNTS if dataset.pulse_arcsec else OF_RATE
-    findings = findings_of(analyse(dataset), dataset, with_unstated(inputs, declared))
+    findings = _findings(dataset, AnalysisSettings(), with_unstated(inputs, declared))
     return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_latitude, source)
 
 
@@ -46,9 +48,17 @@ def findings_of_run(folder: RunFolder, parameters: StaticParameters, bench: Benc
         scale = (GYRO, "scale", 1.0, "1")
         inputs += bench.stated_input(scale, "pulse_weight", about, relative=True)
     if not dataset.earth_in_output:
-        return findings_of(analyse(dataset, settings), dataset, inputs)
+        return _findings(dataset, settings, inputs)
     u_arcmin = parameters.attitude_uncertainty_arcmin
     inputs = [*attitude_inputs(dataset.directions, u_arcmin, "the plan"), *inputs]
-    findings = findings_of(analyse(dataset, settings), dataset, inputs)
+    findings = _findings(dataset, settings, inputs)
     u_arcmin = parameters.latitude_uncertainty_arcmin
     return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_arcmin, "the plan")
+
+
+def _findings(
+    dataset: StaticDataset, settings: AnalysisSettings, inputs: list[InputQuantity]
+) -> Findings:
+    analysis = analyse(dataset, settings)
+    findings = findings_of(analysis, dataset, inputs)
+    return replace(findings, trials=trials_of(analysis, dataset, settings))
