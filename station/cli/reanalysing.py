@@ -165,6 +165,8 @@ def reported(done: Iterator[Done], count: int, say: Callable[[int, str], None]) 
     began_s = reported_s = clock.now()
     for number, item in enumerate(done, start=1):
         yield item
-        if clock.now() - reported_s >= SAYS_EVERY_S and number < count:
+        if number == 1:  # before it workers were started
+            began_s = reported_s = clock.now()
+        elif clock.now() - reported_s >= SAYS_EVERY_S and number < count:
             reported_s = clock.now()
-            say(number, span((reported_s - began_s) / number * (count - number)))
+            say(number, span((reported_s - began_s) / (number - 1) * (count - number)))
