@@ -12,7 +12,7 @@ from procedures.estimation.measured import Measured
 from procedures.estimation.noise import grid_index
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
-from .checks import chamber_lag, data_flags, result_flags, rows_flags, thermometers_of
+from .checks import chamber_lag, data_flags, no_curve, result_flags, rows_flags, thermometers_of
 from .dataset import FEWEST_ROWS, AnalysisSettings, Array, Index, Soak, TemperatureDataset, soaks_of
 from .model import Setting
 from .parameters import UNITS
@@ -46,7 +46,9 @@ class TemperatureAnalysis(Analysis):
 def analyse(
     dataset: TemperatureDataset, settings: AnalysisSettings = SETTINGS
 ) -> TemperatureAnalysis:
-    """Return the results of a dataset."""
+    """Return the results of a dataset; all null where it has too few rows."""
+    if len(dataset.time_s) < FEWEST_ROWS:
+        return _nothing(dataset)
     interval_s = dataset.sample_interval_s
     index = grid_index(dataset.time_s, interval_s)
     grid = np.arange(int(index[-1]) + 1)
@@ -84,6 +86,16 @@ def analyse(
         flags += result_flags(dataset, setting, axis, fit, of_axis, settings)
         axes.append(AxisOverTemperature(axis, time_s, rate, setting, fit))
     return TemperatureAnalysis(estimates, published, flags, tuple(axes))
+
+
+def _nothing(dataset: TemperatureDataset) -> TemperatureAnalysis:
+    """Return that nothing is known of any axis."""
+    axes = [*dataset.directions]
+    return TemperatureAnalysis(
+        [undetermined(name, axis, unit, METHOD) for axis in axes for name, unit in UNITS.items()],
+        [own for axis in axes for own in published_values(axis, np.empty(0), (), 0.0)],
+        [no_curve(axis, [*UNITS]) for axis in axes],
+    )
 
 
 def passed_both_ways(temperature: Array) -> bool:

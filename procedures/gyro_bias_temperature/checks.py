@@ -498,6 +498,15 @@ def rows_flags(axis: str, rate: Array, setting: Setting, solution: BiasFit) -> l
     return [contradiction(likeliest.statement, late_text, axis, **likeliest.details)]
 
 
+def no_curve(axis: str, lacking: Sequence[str]) -> Flag:
+    """Return the flag of an axis without a solution."""
+    sentence = (
+        f"There is no curve of {axis}: the temperature hardly moved, too few rows are left, or "
+        "a column is not what it is called."
+    )
+    return not_identifiable(sentence, lacking, axis)
+
+
 def result_flags(
     dataset: TemperatureDataset,
     setting: Setting,
@@ -511,12 +520,7 @@ def result_flags(
     lacking = [name for name in UNITS if named[name].value is None]
     flags = []
     if fit is None:
-        sentence = (
-            f"There is no curve of {axis}: the temperature hardly moved, too few rows are left, or "
-            "a column is not what it is called."
-        )
-        flags.append(not_identifiable(sentence, lacking, axis))
-        return flags
+        return [no_curve(axis, lacking)]
     for name in lacking:
         sentence = f"{name.replace('_', ' ').capitalize()} is undetermined: {WHY[name]}."
         flags.append(not_identifiable(sentence, [name], axis))

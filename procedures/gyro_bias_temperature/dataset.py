@@ -17,7 +17,6 @@ from procedures.estimation.direction import Direction
 from procedures.estimation.pulses import pulses_of
 from station.dataset_checks import CLOSE
 from station.dataset_reading import Table, refuse
-from station.errors import MissingRows
 from station.fields import InputAxis, Unit
 from station.findings import FlagThresholds
 
@@ -189,10 +188,11 @@ def dataset_of_run(
     missing is none. The set-point of a soak is the commanded one, on a ramp as it was read back.
     """
     units = folder.finished_units()
+    if not units:
+        none = np.empty(0)
+        return _dataset(parameters, none, none > 0.0, none, none, none, none, none.astype(np.int64))
     pulse = parameters.pulse_weight_arcsec * float(bench.corrected(GYRO, "scale", 1.0, "1"))
     samples = list(_samples(folder, pulse, parameters.sample_interval_s))
-    if not sum(len(of_one.time_s) for of_one in samples):
-        raise MissingRows("soaks and ramps", "no samples of the gyro are recorded")
     time_s = np.concatenate([of_one.time_s for of_one in samples])
     leg = np.concatenate([of_one.leg for of_one in samples])
     number = np.concatenate([np.full(len(s.time_s), s.switch_on) for s in samples])
@@ -213,20 +213,42 @@ def dataset_of_run(
     chamber = np.concatenate([folder.rows(CHAMBER, unit) for unit in units])
     read_s = chamber["arrival_time_s"]
     on_ramp = np.interp(middle_s, read_s, chamber["set_point_degC"])
-    own = means("gyro_degC")
+    return _dataset(
+        parameters,
+        middle_s,
+        soaking,
+        np.where(soaking, commanded, np.round(on_ramp, 3)),
+        means("rate_deg_per_h"),
+        means("gyro_degC"),
+        np.interp(middle_s, read_s, chamber["process_value_degC"]),
+        number[nearest],
+    )
+
+
+def _dataset(
+    parameters: BiasTemperatureParameters,
+    time_s: Array,
+    soaking: Mask,
+    set_point_degC: Array,
+    rate_deg_per_h: Array,
+    gyro_degC: Array,
+    chamber_degC: Array,
+    switch_on: Index,
+) -> TemperatureDataset:
+    """Return rows (n,) of a run with what the plan says of them."""
     return TemperatureDataset(
         directions=directions_of(parameters.input_axis),
         latitude_rad=float(np.deg2rad(parameters.latitude_deg)),
-        sample_interval_s=row_s,
+        sample_interval_s=parameters.row_interval_s,
         reference_degC=parameters.reference_temperature_degC,
         sensor_lag_prior_s=parameters.sensor_lag_prior_s,
-        time_s=middle_s,
+        time_s=time_s,
         soaking=soaking,
-        set_point_degC=np.where(soaking, commanded, np.round(on_ramp, 3)),
-        rate_deg_per_h=means("rate_deg_per_h")[:, None],
-        gyro_degC=own if np.isfinite(own).any() else None,
-        chamber_degC=np.interp(middle_s, read_s, chamber["process_value_degC"]),
-        switch_on=number[nearest],
+        set_point_degC=set_point_degC,
+        rate_deg_per_h=rate_deg_per_h[:, None],
+        gyro_degC=gyro_degC if np.isfinite(gyro_degC).any() else None,
+        chamber_degC=chamber_degC,
+        switch_on=switch_on,
     )
 
 

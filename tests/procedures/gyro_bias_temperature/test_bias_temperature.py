@@ -180,3 +180,14 @@ def test_the_report_has_curve_record_residuals_and_a_table() -> None:
         "Residuals over the record, IA",
         "Compensation, IA",
     ]
+
+
+@pytest.mark.parametrize("rows", [0, 1, 20])
+def test_of_a_few_rows_nothing_is_known_and_nothing_breaks(rows: int) -> None:
+    whole = record(Gyro(soak_h=1.0), 202)
+    columns = ("time_s", "soaking", "set_point_degC", "rate_deg_per_h", "gyro_degC", "chamber_degC")
+    few = replace(whole, **{name: getattr(whole, name)[:rows] for name in columns})
+    analysis = analyse(few)
+    assert [one.name for one in analysis.estimates] == [*UNITS]
+    assert all(one.value is None for one in analysis.estimates)
+    assert codes(analysis) == {"not-identifiable"}
