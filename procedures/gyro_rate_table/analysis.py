@@ -18,7 +18,7 @@ from station.findings import Analysis, Estimate, Published, undetermined
 from .checks import data_flags, result_flags
 from .dataset import PPM, AnalysisSettings, Array, RateTableDataset
 from .parameters import UNITS
-from .screening import Kept, Screened, runs_of, screen, within_records
+from .screening import Kept, Screened, Within, runs_of, screen, within_records
 from .solution import JointFit, Results, results_of, solution_of
 
 SETTINGS = AnalysisSettings()
@@ -33,6 +33,7 @@ class RateTableAnalysis(Analysis):
     screened: Screened | None = None
     fit: JointFit | None = None
     results: Results | None = None
+    within: Within | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) ->
     flags = data_flags(dataset, screened, settings)
     flags += result_flags(screened, fit, results, estimates, settings)
     flags = [replace(flag, axis=dataset.axis) for flag in flags]
-    return RateTableAnalysis(estimates, published, flags, screened, fit, results)
+    return RateTableAnalysis(estimates, published, flags, screened, fit, results, within)
 
 
 def end_variance(records: Sequence[Kept], accuracy_deg: float, scale: float) -> Array:

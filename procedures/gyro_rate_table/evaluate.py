@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import ARCMIN_PER_RAD
@@ -12,9 +13,9 @@ from procedures.common.inputs import cosine_u
 from procedures.estimation.direction import Direction, with_latitude
 from station.findings import Findings, InputQuantity, findings_of
 
-from .analysis import analyse, together
 from .dataset import AnalysisSettings, RateTableDataset, dataset_of_import, dataset_of_run
 from .parameters import RateTableParameters
+from .trials import analysed, trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -35,9 +36,7 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
         inputs.append(clock_input(conditions.clock_ppm, source))
     else:
         inputs.append(InputQuantity.if_stated("pulse_weight", PULSE, None, "1", source))
-    findings = findings_of(
-        together({dataset.axis: analyse(dataset)}), {dataset.axis: dataset}, inputs
-    )
+    findings = _findings({dataset.axis: dataset}, AnalysisSettings(), inputs)
     u_arcmin = conditions.latitude_uncertainty_arcmin
     return with_latitude(findings, {"IA": UPWARDS}, dataset.latitude_rad, u_arcmin, source)
 
@@ -57,14 +56,23 @@ def findings_of_run(folder: RunFolder, parameters: RateTableParameters, bench: B
     datasets: dict[str, RateTableDataset] = {}
     for axis in parameters.axes:
         datasets[axis] = dataset_of_run(folder, parameters, bench, axis)
-    analysis = together({axis: analyse(dataset, settings) for axis, dataset in datasets.items()})
-    findings = findings_of(analysis, datasets, inputs)
+    findings = _findings(datasets, settings, inputs)
     if parameters.source == NAVIGATOR:
         return findings
     u_arcmin = parameters.latitude_uncertainty_arcmin
     latitude_rad = math.radians(parameters.latitude_deg)
     upwards: dict[str, Direction] = dict.fromkeys(parameters.axes, UPWARDS)
     return with_latitude(findings, upwards, latitude_rad, u_arcmin, "the plan")
+
+
+def _findings(
+    datasets: Mapping[str, RateTableDataset],
+    settings: AnalysisSettings,
+    inputs: list[InputQuantity],
+) -> Findings:
+    analysis = analysed(datasets, settings)
+    findings = findings_of(analysis, datasets, inputs)
+    return replace(findings, trials=trials_of(analysis, datasets, settings))
 
 
 def clock_input(u_ppm: float, source: str) -> InputQuantity:
