@@ -143,7 +143,7 @@ class Climate:
         self.unit = WARM_UP
         self.stands_degC = parameters.room_temperature_degC
         """Where the set-point stands."""
-        before = [int(details["switch_on"]) for details in run.past.finished.values()]
+        before = [int(details.get("switch_on", 1)) for details in run.past.finished.values()]
         self.switch_on = 1 + max(before, default=0)
         """Counted through all processes of the run: each switches the gyro on, or finds it on."""
         self._run, self._parameters = run, parameters

@@ -18,7 +18,7 @@ from .shots import AXES
 
 def trials_of(analysis: SerfAnalysis, dataset: SerfDataset, settings: AnalysisSettings) -> Trials:
     """Return how the analysis of all shots is tried again."""
-    sigma_V = {shot.name: _rms(shot.residual_V[shot.kept]) for shot in analysis.shots if shot.used}
+    sigma_V = {shot.name: _rms(shot.residual_V) for shot in analysis.shots if shot.used}
     return Trials(
         dataset,
         partial(analyse, settings=settings),

@@ -88,6 +88,10 @@ SPEEDS: Mapping[str, float] = {
     "commissioning": 4.0,
     "gyro-static-noise": 15.0,
     "gyro-rate-table": 10.0,
+    "gyro-static-noise-imu": 15.0,
+    "gyro-static-noise-navigator": 15.0,
+    "gyro-rate-table-imu": 10.0,
+    "gyro-rate-table-navigator": 10.0,
     "gyro-bias-temperature": 60.0,
 }
 """How many times faster than real a plan's bench is served: a run takes 10 to 60 s.
