@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from procedures.common.perturbing import drawn_size, scaled, shifted
 from station.findings import Trials
 
 from .analysis import MOUNTING, analyse
@@ -51,7 +52,7 @@ def noisy(
     degrees_of_freedom: float,
 ) -> AccelerometerDataset:
     """Return the rows with more noise of the output, of the size that the fit leaves."""
-    size = np.sqrt(degrees_of_freedom / random.chisquare(degrees_of_freedom))
+    size = drawn_size(degrees_of_freedom, random)
     added_V = random.standard_normal(len(dataset)) * sigma_V * size
     return replace(dataset, output_V=dataset.output_V + added_V)
 
@@ -62,15 +63,15 @@ def perturbed(ki: float) -> Changes:
     The temperatures only say where the results hold: all shifted alike, they change no value.
     """
     return {
-        "field_gain": _field_gain,
+        "field_gain": partial(scaled, column="field_T"),
         "probe_cosine": _field_cosine,
-        "field_offset_T": _field_offset,
-        "ambient_field_T": _field_offset,
-        "voltage_gain": _voltage_gain,
-        "voltage_offset_V": _voltage_offset,
+        "field_offset_T": partial(shifted, column="field_T"),
+        "ambient_field_T": partial(shifted, column="field_T"),
+        "voltage_gain": partial(scaled, column="output_V"),
+        "voltage_offset_V": partial(shifted, column="output_V"),
         "graduation_sine_rad": partial(_graduated, wave=np.sin),
         "graduation_cosine_rad": partial(_graduated, wave=np.cos),
-        "local_gravity": _gravity,
+        "local_gravity": partial(shifted, column="gravity_g"),
         "stage_angle_rad": _turned,
         MOUNTING[OFFSET]: _turned,
         MOUNTING[KO]: partial(_leaning, ki=ki, towards=1),
@@ -78,28 +79,8 @@ def perturbed(ki: float) -> Changes:
     }
 
 
-def _field_gain(dataset: AccelerometerDataset, gain: float) -> AccelerometerDataset:
-    return replace(dataset, field_T=dataset.field_T * (1.0 + gain))
-
-
 def _field_cosine(dataset: AccelerometerDataset, part: float) -> AccelerometerDataset:
     return replace(dataset, field_T=dataset.field_T / (1.0 + part))
-
-
-def _field_offset(dataset: AccelerometerDataset, offset_T: float) -> AccelerometerDataset:
-    return replace(dataset, field_T=dataset.field_T + offset_T)
-
-
-def _voltage_gain(dataset: AccelerometerDataset, gain: float) -> AccelerometerDataset:
-    return replace(dataset, output_V=dataset.output_V * (1.0 + gain))
-
-
-def _voltage_offset(dataset: AccelerometerDataset, offset_V: float) -> AccelerometerDataset:
-    return replace(dataset, output_V=dataset.output_V + offset_V)
-
-
-def _gravity(dataset: AccelerometerDataset, deviation_g: float) -> AccelerometerDataset:
-    return replace(dataset, gravity_g=dataset.gravity_g + deviation_g)
 
 
 def _graduated(

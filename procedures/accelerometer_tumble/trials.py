@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from procedures.common.perturbing import drawn_size, scaled, shifted
 from station.findings import Trials
 
 from .analysis import TumbleAnalysis, analyse
@@ -21,9 +22,9 @@ def trials_of(
     solved = analysis.solution
     sigma_V, freedom = (solved.sigma_V, solved.freedom) if solved else (0.0, np.inf)
     changes = {
-        "multimeter_gain": _gain,
-        "multimeter_zero": _zero,
-        "local_gravity": _gravity,
+        "multimeter_gain": partial(scaled, column="output_V"),
+        "multimeter_zero": partial(shifted, column="output_V"),
+        "local_gravity": partial(shifted, column="gravity_g"),
     }
     drawn = {ENCODER: _harmonics, MOUNTING: _mountings}
     noise = partial(noisy, sigma_V=sigma_V, degrees_of_freedom=freedom)
@@ -38,23 +39,9 @@ def noisy(
     degrees_of_freedom: float,
 ) -> TumbleDataset:
     """Return the readings with more noise, of the size that the fit leaves."""
-    size = sigma_V
-    if np.isfinite(degrees_of_freedom):
-        size *= float(np.sqrt(degrees_of_freedom / random.chisquare(degrees_of_freedom)))
+    size = sigma_V * drawn_size(degrees_of_freedom, random)
     added_V = random.standard_normal(len(dataset.output_V)) * size
     return replace(dataset, output_V=dataset.output_V + added_V)
-
-
-def _gain(dataset: TumbleDataset, gain: float) -> TumbleDataset:
-    return replace(dataset, output_V=dataset.output_V * (1.0 + gain))
-
-
-def _zero(dataset: TumbleDataset, zero_V: float) -> TumbleDataset:
-    return replace(dataset, output_V=dataset.output_V + zero_V)
-
-
-def _gravity(dataset: TumbleDataset, deviation_g: float) -> TumbleDataset:
-    return replace(dataset, gravity_g=dataset.gravity_g + deviation_g)
 
 
 def _harmonics(dataset: TumbleDataset, u: float, random: np.random.Generator) -> TumbleDataset:

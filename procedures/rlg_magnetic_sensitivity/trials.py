@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from procedures.common.perturbing import drawn_size, scaled, shifted
 from procedures.estimation.noise import grid_index
 from procedures.estimation.sine import averaging_factor
 from station.findings import Trials
@@ -89,9 +90,7 @@ def _noisy(segment: Segment, noise: Noise, random: np.random.Generator) -> Segme
     known_Hz = np.array([*noise.sigma_deg_per_h])
     nearest = np.argmin(np.abs(frequency_Hz[:, None] - known_Hz), axis=1)
     sigma = np.array([*noise.sigma_deg_per_h.values()])[nearest]
-    if np.isfinite(noise.degrees_of_freedom):
-        freedom = noise.degrees_of_freedom
-        sigma = sigma * np.sqrt(freedom / random.chisquare(freedom))
+    sigma = sigma * drawn_size(noise.degrees_of_freedom, random)
     spectrum = np.fft.rfft(random.standard_normal(count)) * sigma
     added = np.fft.irfft(spectrum, count)
     there = np.isfinite(segment.time_s)
@@ -106,8 +105,8 @@ def perturbed(
 ) -> Mapping[str, Callable[[RlgDataset, float], RlgDataset]]:
     """Return what each input does to the data; how the field leans is linear."""
     changes: dict[str, Callable[[RlgDataset, float], RlgDataset]] = {
-        "field_gain": partial(of_segments, change=_field_gain),
-        "field_time_offset_s": partial(of_segments, change=_field_late),
+        "field_gain": partial(of_segments, change=partial(scaled, column="field_mT")),
+        "field_time_offset_s": partial(of_segments, change=partial(shifted, column="field_time_s")),
         "probe_cosine": partial(of_segments, change=_field_cosine),
         "gyro_scale": partial(of_segments, change=_gyro_scale),
     }
@@ -123,16 +122,8 @@ def of_segments(
     return RlgDataset(tuple(change(segment, deviation) for segment in dataset.segments))
 
 
-def _field_gain(segment: Segment, gain: float) -> Segment:
-    return replace(segment, field_mT=segment.field_mT * (1.0 + gain))
-
-
 def _field_cosine(segment: Segment, part: float) -> Segment:
     return replace(segment, field_mT=segment.field_mT / (1.0 + part))
-
-
-def _field_late(segment: Segment, late_s: float) -> Segment:
-    return replace(segment, field_time_s=segment.field_time_s + late_s)
 
 
 def _gyro_scale(segment: Segment, scale: float) -> Segment:

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from procedures.common.perturbing import scaled
 from station.findings import Trials
 
 from .analysis import analyse
@@ -46,7 +47,7 @@ def perturbed() -> Mapping[str, Callable[[SerfDataset, float], SerfDataset]]:
     """Return what each input does to the data."""
     changes: dict[str, Callable[[SerfDataset, float], SerfDataset]] = {
         "sample_clock": _clock,
-        "gyromagnetic_ratio": _gamma,
+        "gyromagnetic_ratio": partial(scaled, column="gamma_Hz_per_nT"),
     }
     for k, axis in enumerate(AXES):
         changes[f"coil_{axis}"] = partial(_of_shots, change=partial(_coil, k=k))
@@ -57,10 +58,6 @@ def perturbed() -> Mapping[str, Callable[[SerfDataset, float], SerfDataset]]:
 def _clock(dataset: SerfDataset, slower: float) -> SerfDataset:
     shots = [replace(shot, time_s=shot.time_s * (1.0 + slower)) for shot in dataset.shots]
     return replace(dataset, shots=shots, sample_rate_Hz=dataset.sample_rate_Hz / (1.0 + slower))
-
-
-def _gamma(dataset: SerfDataset, part: float) -> SerfDataset:
-    return replace(dataset, gamma_Hz_per_nT=dataset.gamma_Hz_per_nT * (1.0 + part))
 
 
 def _of_shots(
