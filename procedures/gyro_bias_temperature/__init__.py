@@ -57,7 +57,7 @@ PROCEDURE = Procedure(
     measured_axes=lambda parameters: dict.fromkeys(UNITS, ("IA",)),
     assumptions=(
         "The curve is the bias at rest in the middle of its hysteresis loop, against the "
-        "temperature that the thermometer reads: its offset is not in u.",
+        "temperature that the thermometer reads: its offset is in u only where it is stated.",
         "Without a thermometer of the gyro the temperature is the chamber's: a gyro that warms "
         "itself is warmer than that by an amount that nothing here shows.",
         "With a curve that is nearly a line the lag of the sensor and the sensitivity to the rate "
