@@ -1,12 +1,16 @@
-"""What trials of an analysis do to data alike: a column in another scale or moved, noise drawn."""
+"""What trials of an analysis do to data alike: columns and axes moved or scaled, noise drawn."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+
+from procedures.estimation.direction import LATITUDE
 
 
 def scaled(data: Any, part: float, *, column: str) -> Any:
@@ -14,8 +18,8 @@ def scaled(data: Any, part: float, *, column: str) -> Any:
     return replace(data, **{column: getattr(data, column) * (1.0 + part)})
 
 
-def shifted(data: Any, by: float, *, column: str) -> Any:
-    """Return a dataclass with a number or array of its own moved by so much."""
+def shifted(data: Any, by: Any, *, column: str) -> Any:
+    """Return a dataclass with a number or array of its own moved by a number or array."""
     return replace(data, **{column: getattr(data, column) + by})
 
 
@@ -24,3 +28,19 @@ def drawn_size(degrees_of_freedom: float, random: np.random.Generator) -> float:
     if not math.isfinite(degrees_of_freedom):
         return 1.0
     return math.sqrt(degrees_of_freedom / random.chisquare(degrees_of_freedom))
+
+
+def of_directions(axes: Iterable[str]) -> dict[str, Callable[[Any, float], Any]]:
+    """Return what the inputs of gyros at rest do: where they stand, and where their axes point."""
+    changes: dict[str, Callable[[Any, float], Any]] = {
+        LATITUDE: partial(shifted, column="latitude_rad")
+    }
+    for axis in axes:
+        for angle in ("azimuth", "elevation"):
+            changes[f"{angle}_{axis}"] = partial(_turned, axis=axis, angle=f"{angle}_rad")
+    return changes
+
+
+def _turned(dataset: Any, off_rad: float, *, axis: str, angle: str) -> Any:
+    turned = shifted(dataset.directions[axis], off_rad, column=angle)
+    return replace(dataset, directions={**dataset.directions, axis: turned})

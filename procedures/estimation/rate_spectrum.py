@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, rfft
+from scipy.fft import dct, idct, rfft
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,13 @@ SERIES_FROM = 100
 def coefficients(rate: Array) -> Array:
     """Return the coefficients k = 1..n-1 of a record or of columns, (n, ...) to (n - 1, ...)."""
     return np.asarray(dct(rate, type=2, norm="ortho", axis=0)[1:])
+
+
+def in_time(values: Array, count: int) -> Array:
+    """Return coefficients k = 1.. of a record as a series (count,)."""
+    whole = np.zeros(count)
+    whole[1 : 1 + len(values)] = values
+    return np.asarray(idct(whole, type=2, norm="ortho"))
 
 
 def variances(covariance: Array) -> Array:

@@ -92,7 +92,7 @@ def solve(stretch: Stretch, variance: Array) -> Solved:
     covariance = _inverse(stretch.columns.T @ weighted)
     sizes: Array = covariance @ (weighted.T @ stretch.data)
     residuals = stretch.data - stretch.columns @ sizes
-    leverage = np.einsum("ij,jk,ik->i", stretch.columns, covariance, stretch.columns)
+    leverage = np.einsum("ij,ij->i", stretch.columns @ covariance, stretch.columns)
     return Solved(sizes, covariance, residuals, leverage, variance)
 
 

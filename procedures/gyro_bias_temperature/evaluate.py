@@ -21,13 +21,14 @@ from .dataset import (
     dataset_of_run,
 )
 from .parameters import BiasTemperatureParameters
+from .trials import CLOCK, PULSE, trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
-WARMTH, CLOCK, PULSE = "thermometer_degC", "clock", "pulse_weight"
+WARMTH = "thermometer_degC"
 PPM = 1e-6
 SETTINGS = AnalysisSettings()
 
@@ -68,15 +69,24 @@ def _findings(
     about = "offset of the thermometer, by the slope of the bias"
     u_degC = given.thermometer_uncertainty_degC
     inputs.append(InputQuantity.if_stated(WARMTH, about, u_degC, "degC", source))
-    findings = findings_of(analyse(dataset, settings), dataset, inputs)
-    findings = replace(findings, estimates=[*map(_by_warmth, findings.estimates)])
+    analysis = analyse(dataset, settings)
+    findings = findings_of(analysis, dataset, inputs)
+    findings = replace(
+        findings,
+        estimates=[*map(_by_warmth, findings.estimates)],
+        trials=trials_of(analysis, dataset, settings),
+    )
     u_arcmin = given.latitude_uncertainty_arcmin
     return with_latitude(findings, dataset.directions, dataset.latitude_rad, u_arcmin, source)
 
 
 def _by_board(dataset: TemperatureDataset, estimate: Estimate) -> Estimate:
-    """Return a bias that depends on the board's pulses and the clock by all that the gyro reads."""
-    if estimate.name != "bias" or estimate.value is None:
+    """Return lags that depend on the clock, a bias on pulses and clock by all that is read."""
+    if estimate.value is None:
+        return estimate
+    if estimate.name in ("sensor_lag", "chamber_lag"):
+        return replace(estimate, sensitivities={**estimate.sensitivities, CLOCK: estimate.value})
+    if estimate.name != "bias":
         return estimate
     direction = dataset.directions[estimate.axis or ""]
     whole = estimate.value + direction.earth_deg_per_h(dataset.latitude_rad)

@@ -51,12 +51,14 @@ def loop(values: Array, half_width: float) -> Array:
 
     A play of a half width in the unit of the values; zero where it begins.
     """
-    slack = np.empty_like(values)
-    held = float(values[0])
-    for row, value in enumerate(values.tolist()):
-        held = min(max(held, value - half_width), value + half_width)
-        slack[row] = held
-    return np.asarray((values - slack) / half_width)
+    low, high = values - half_width, values + half_width
+    # Each row clips what was held before; two clips in a row are one, so all are joined in pairs.
+    step = 1
+    while step < len(values):
+        ends = [np.clip(own[:-step], low[step:], high[step:]) for own in (low, high)]
+        low[step:], high[step:] = ends
+        step *= 2
+    return np.asarray((values - np.clip(values[0], low, high)) / half_width)
 
 
 @dataclass(frozen=True)

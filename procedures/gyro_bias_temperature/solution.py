@@ -418,11 +418,15 @@ def _solutions(
     # The constant is what the mean leaves: it moves with every column's mean.
     gain = np.vstack([-centre, np.eye(len(centre))])
     covariance = gain @ _inverse(normal) @ gain.T
-    length_s = len(rate) * setting.interval_s
-    covariance[:, 0, 0] += float(theta @ [1.0 / length_s, FLICKER, WALK_MEAN * length_s])
+    covariance[:, 0, 0] += variance_of_mean(theta, len(rate) * setting.interval_s)
     constant = float(rate.mean()) - sizes @ centre[: sizes.shape[1]]
     lags_s = np.broadcast_to(candidates.tried.lags_s, lags.shape)
     return np.column_stack([constant, sizes, lags_s]), covariance
+
+
+def variance_of_mean(theta: Array, length_s: float) -> float:
+    """Return the variance of the mean of a record by the squares (3,) of its noise."""
+    return float(theta @ [1.0 / length_s, FLICKER, WALK_MEAN * length_s])
 
 
 def _inverse(normal: Array) -> Array:

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.fft import idct, next_fast_len, rfft
+from scipy.fft import next_fast_len, rfft
 from scipy.linalg import toeplitz
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
@@ -29,6 +29,7 @@ from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.rate_spectrum import (
     coefficients,
     covariances,
+    in_time,
     noise_variances,
     variances,
 )
@@ -262,13 +263,6 @@ def line_columns(time_s: Array, frequencies_Hz: Sequence[float]) -> list[Array]:
 def centred_times(count: int, interval_s: float) -> Array:
     """Return the times (n,) of a record's samples from its middle."""
     return np.asarray((np.arange(count) - 0.5 * (count - 1)) * interval_s, dtype=np.float64)
-
-
-def in_time(values: Array, count: int) -> Array:
-    """Return coefficients k = 1.. of a record as a series (count,)."""
-    whole = np.zeros(count)
-    whole[1 : 1 + len(values)] = values
-    return np.asarray(idct(whole, type=2, norm="ortho"))
 
 
 def strongest_line(

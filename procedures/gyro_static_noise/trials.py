@@ -14,15 +14,14 @@ from functools import partial
 import numpy as np
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.estimation.direction import LATITUDE
+from procedures.common.perturbing import of_directions
 from procedures.estimation.noise import grid_index
-from procedures.estimation.rate_spectrum import allan_terms, noise_variances
+from procedures.estimation.rate_spectrum import allan_terms, in_time, noise_variances
 from station.findings import Trials
 
 from .analysis import StaticAnalysis, analyse
 from .checks import AxisAnalysis
 from .dataset import AnalysisSettings, Array, Record, StaticDataset
-from .noise import in_time
 
 
 @dataclass(frozen=True)
@@ -130,11 +129,7 @@ Change = Callable[[StaticDataset, float], StaticDataset]
 
 def perturbed(axes: Sequence[str]) -> Mapping[str, Change]:
     """Return what each input does to the data."""
-    changes: dict[str, Change] = {"clock": _clock, "pulse_weight": _pulse, LATITUDE: _latitude}
-    for axis in axes:
-        for angle in ("azimuth", "elevation"):
-            changes[f"{angle}_{axis}"] = partial(_turned, axis=axis, angle=f"{angle}_rad")
-    return changes
+    return {"clock": _clock, "pulse_weight": _pulse, **of_directions(axes)}
 
 
 def _scaled(dataset: StaticDataset, factor: float, slower: float = 1.0) -> StaticDataset:
@@ -155,13 +150,3 @@ def _clock(dataset: StaticDataset, slower: float) -> StaticDataset:
 def _pulse(dataset: StaticDataset, part: float) -> StaticDataset:
     factor = 1.0 + part
     return replace(_scaled(dataset, factor), pulse_arcsec=dataset.pulse_arcsec * factor)
-
-
-def _latitude(dataset: StaticDataset, off_rad: float) -> StaticDataset:
-    return replace(dataset, latitude_rad=dataset.latitude_rad + off_rad)
-
-
-def _turned(dataset: StaticDataset, off_rad: float, *, axis: str, angle: str) -> StaticDataset:
-    direction = dataset.directions[axis]
-    turned = replace(direction, **{angle: getattr(direction, angle) + off_rad})
-    return replace(dataset, directions={**dataset.directions, axis: turned})
