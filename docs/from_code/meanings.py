@@ -214,6 +214,13 @@ PARAMETERS = {
         "pump": "time for which the vapour is pumped before a shot",
         "repeats": "how often a bad shot is taken again",
         "mains_frequency": "of a pick-up that is fitted; none unless given",
+        "cell_temperature": "of the cell, to which `cell_heater` brings it in step 1; a person "
+        "does, and types it, unless given",
+        "heating_rate": "of the ramp to it",
+        "stability": "when the cell counts as warm, step 1",
+        "stability.within": "how near it is to `cell_temperature`",
+        "stability.duration": "for how long it has been so near",
+        "stability.at_most": "how long all of that may take; after that the run ends with code 3",
         "gyro_was_running": "whether nuclei are polarised, so that step 1 must be done",
         "depolarise": "step 1",
         "depolarise.gradient": "along z; published 2000 nT/cm",

@@ -46,6 +46,7 @@ LineName = Literal[
     "signal_generator.xy",
     "signal_generator.z_gradient",
     "pump_laser",
+    "cell_heater",
     "dut_power",
 ]
 """Instruments that answer one question at a time; those that stream have their own line checks."""

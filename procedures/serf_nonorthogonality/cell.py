@@ -25,6 +25,7 @@ from station.method.duration import Duration, exactly
 from station.method.verbs import fetch_bursts
 from station.roles import Digitizer, PumpLaser, SignalGenerator
 
+from .oven import LOOKS, record
 from .parameters import SerfParameters
 from .shots import AXES, Wanted, shots_of
 
@@ -135,10 +136,11 @@ class Cell:
         """From the trigger to the field: until the light is surely off."""
         return self.run.read(lambda: dark_after_s(self.run, PUMP), assumed=0.0)
 
-    def fire(self, fields: Sequence[TriggeredCellField], doing: str) -> Block:
+    def fire(self, fields: Sequence[TriggeredCellField], doing: str, unit: str = LOOKS) -> Block:
         """Pump, switch the light off and the fields on, and return the record.
 
-        The fields are added to what each coil holds. The record's time is zero at the trigger.
+        The cell's temperature before is recorded for `unit`, where its heater is driven. The fields
+        are added to what each coil holds. The record's time is zero at the trigger.
         Raises LightPassed where the shutter's sensor still reads open after the record.
         """
         parameters = self.parameters
@@ -148,6 +150,7 @@ class Cell:
         for field in fields:
             self.run.apply(field)
         self.run.wait(parameters.pump_s, f"{doing}: the vapour is pumped")
+        record(self.run, unit)
         self.digitizer.fire()
         block, light_passes = self.run.read(
             partial(self._fetch, doing), assumed=(None, False), takes=record_s(parameters)
@@ -189,6 +192,7 @@ class Cell:
         )
         self.digitizer.prepare(rate_Hz, rule.record_s, self.parameters.full_scale_V)
         self.run.wait(self.parameters.pump_s, f"{doing}: the vapour is pumped")
+        record(self.run, LOOKS)
         self.digitizer.fire()
         block, light_passes = self.run.read(
             partial(self._fetch, doing), assumed=(None, True), takes=waited_for(rule.record_s)

@@ -8,7 +8,7 @@ import numpy as np
 
 from station.findings import Estimate
 
-from .dataset import ANGLE, SLOWING_DOWN, Check, Frequencies, SerfDataset
+from .dataset import ANGLE, SLOWING_DOWN, CellTemperature, Check, Frequencies, SerfDataset
 from .published import closed_form
 from .shots import PAIRS, SPINS
 
@@ -95,6 +95,20 @@ def checks_of(
             f"below {ACCEPTED_RESIDUAL_NT:g} nT",
             None if residual_nT is None else residual_nT < ACCEPTED_RESIDUAL_NT,
         ),
+        *([] if dataset.cell is None else [_warmth(dataset.cell)]),
+    )
+
+
+def _warmth(cell: CellTemperature) -> Check:
+    """Return how warm the cell was before the shots, and whether it stayed as it was to be."""
+    low, high = min(cell.seen_degC), max(cell.seen_degC)
+    mean = sum(cell.seen_degC) / len(cell.seen_degC)
+    u = "u not stated" if cell.u_K is None else f"u {cell.u_K:.2f} K"
+    return Check(
+        "temperature of the cell",
+        f"{mean:.2f} degC, {u}; {low:.2f} degC to {high:.2f} degC before the shots",
+        f"{cell.wanted_degC:g} degC within {cell.within_K:g} K",
+        max(high - cell.wanted_degC, cell.wanted_degC - low) <= cell.within_K,
     )
 
 

@@ -47,6 +47,20 @@ class Shot:
 
 
 @dataclass(frozen=True)
+class CellTemperature:
+    """What the cell's sensor read right before each shot, in degC, corrected by its record.
+
+    `u_K` is the standard uncertainty of the record, None where none is stated; the plan wanted
+    `wanted_degC` within `within_K`.
+    """
+
+    seen_degC: tuple[float, ...]
+    u_K: float | None
+    wanted_degC: float
+    within_K: float
+
+
+@dataclass(frozen=True)
 class SerfDataset:
     """All shots of a calibration with what was commanded and what the cell is.
 
@@ -55,6 +69,7 @@ class SerfDataset:
     again, with the reason of each. `start_u_s`: standard uncertainty of each record's time zero.
     `coil_u`: relative standard uncertainties of the coil constants; None where nobody states them.
     `modulated_nT`: the residual field by coil that tones told right before the shots, if any.
+    `cell`: its temperature where its heater was driven.
     """
 
     shots: Sequence[Shot]
@@ -69,6 +84,7 @@ class SerfDataset:
     start_u_s: float = 0.0
     coil_u: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     modulated_nT: Mapping[str, float] = field(default_factory=dict)
+    cell: CellTemperature | None = None
 
     @property
     def gamma_rad_per_s_nT(self) -> float:

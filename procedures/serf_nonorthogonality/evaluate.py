@@ -6,7 +6,7 @@ Of each finished shot the last attempt counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,9 +17,10 @@ from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
 from .cell import CHANNELS, DIGITIZER, PUMP
-from .dataset import SerfDataset, Shot
+from .dataset import CellTemperature, SerfDataset, Shot
 from .from_import import dataset_of_import
 from .nulling_by_tones import MODULATED
+from .oven import HEATER, cell_record
 from .parameters import AnalysisSettings, SerfParameters
 from .shots import AXES, REPEATED, Wanted
 from .trials import trials_of
@@ -40,6 +41,7 @@ INPUTS: Declared = {
     },
 }
 """What the results depend on, beside the gyromagnetic ratio."""
+ABOUT_CELL = "temperature of the cell (its slowing-down factor is measured with the angles)"
 ONE_SAMPLE = 1.0 / math.sqrt(12.0)
 
 
@@ -96,6 +98,9 @@ def bench_inputs(
     about = "sample clock of the digitizer"
     yield from bench.stated_input(clock, "sample_clock", about, relative=True)
     yield from _delay(rate_Hz, bench)
+    if parameters.cell_temperature_degC is not None:
+        stated = (HEATER, *cell_record(parameters.cell_temperature_degC))
+        yield from bench.stated_input(stated, "cell_temperature", ABOUT_CELL)
     for axis in AXES:
         yield InputQuantity(
             f"residual_{axis}_nT",
@@ -175,6 +180,27 @@ def dataset_of_run(folder: RunFolder, parameters: SerfParameters, bench: Bench) 
         start_u_s=1.0 / (math.sqrt(12.0) * parameters.sample_rate_Hz),
         coil_u=_coil_u(bench),
         modulated_nT=_modulated_nT(folder),
+        cell=_cell(folder, [wanted.id for wanted in taken], parameters, bench),
+    )
+
+
+def _cell(
+    folder: RunFolder, units: Sequence[str], parameters: SerfParameters, bench: Bench
+) -> CellTemperature | None:
+    """Return the cell's temperature before each shot, None where its heater was not driven.
+
+    Of a shot that was taken again the last reading counts.
+    """
+    wanted_degC = parameters.cell_temperature_degC
+    if wanted_degC is None or not units:
+        return None
+    read_degC = [float(folder.rows(HEATER, unit)["temperature_degC"][-1]) for unit in units]
+    stated = bench.stated(HEATER, *cell_record(wanted_degC))
+    return CellTemperature(
+        tuple(bench.corrected(HEATER, "temperature", degC, "degC") for degC in read_degC),
+        None if stated is None else stated[0],
+        wanted_degC,
+        parameters.stability.within_degC,
     )
 
 

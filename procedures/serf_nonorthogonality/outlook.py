@@ -14,6 +14,7 @@ from station.report.numbers import format_number
 from station.units import parse_as
 
 from .cell import CHANNELS, DIGITIZER, FIELD, PUMP
+from .oven import HEATER, cell_record
 from .parameters import SerfParameters
 from .shots import AXES, MIN_CYCLES, PAIRS
 
@@ -163,11 +164,14 @@ def records(parameters: SerfParameters, bench: Bench) -> tuple[RecordUse, ...]:
     The coil constants count only where they are taken for known: else each coil has a factor.
     """
     generators = dict.fromkeys(CHANNELS[coil][0] for coil in AXES)
+    degC = parameters.cell_temperature_degC
+    cell = [] if degC is None else [RecordUse(HEATER, *cell_record(degC), needed=False)]
     coils = [RecordUse(generator, "scale", 1.0, "1") for generator in generators]
     return (
         *(coils if parameters.constants_known else ()),
         RecordUse(DIGITIZER, "frequency", parameters.sample_rate_Hz, "Hz"),
         RecordUse(PUMP, "time_offset", 0.0, "s", needed=False, corrected=False),
+        *cell,
     )
 
 

@@ -107,6 +107,14 @@ class Depolarising(StrictModel):
     rounds: Annotated[int, Field(ge=1, le=20)] = 3
 
 
+class Stability(StrictModel):
+    """When a cell is warm: near its temperature for a time, at most so long after heating began."""
+
+    within_degC: Annotated[float, Unit("degC", difference=True), Field(gt=0)] = 0.5
+    duration_s: Positive = 300.0
+    at_most_s: Positive = 3600.0
+
+
 class Thresholds(StrictModel):
     """Where a flag is raised; the defaults are those of the result format."""
 
@@ -153,6 +161,9 @@ class SerfParameters(StrictModel):
     pump_s: Positive = 1.0
     repeats: Annotated[int, Field(ge=0, le=20)] = 3
     mains_frequency_Hz: Annotated[float, Unit("Hz"), Field(gt=0)] | None = None
+    cell_temperature_degC: Annotated[float, Unit("degC"), Field(ge=20, le=250)] | None = None
+    heating_rate_degC_per_min: Annotated[float, Unit("degC/min"), Field(gt=0)] = 10.0
+    stability: Stability = Stability()
     gyro_was_running: bool = False
     depolarise: Depolarising = Depolarising()
     nulling: AnyNulling = Nulling()

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from station.errors import ConditionNotReached
 from station.method.cell_commands import PumpLight
 from station.method.duration import Duration
-from station.method.prompts import AskedValue
 from station.method.run import Run
 from station.method.verbs import keep, record_published
 from station.procedure import Prompt, Step
@@ -26,6 +25,7 @@ from .cell import (
     shots_s,
 )
 from .nulling_by_tones import null_by_tones
+from .oven import is_driven, warm
 from .parameters import SerfParameters
 from .shots import REPEATED, Wanted
 
@@ -41,11 +41,6 @@ CABLES = Prompt(
     "digitizer, and the digitizer's trigger output to its trigger input, to the generators and to "
     "the shutter.",
 )
-HEAT = Prompt(
-    "heat-cell",
-    "Bring the cell to its working temperature and let it settle.",
-    value=AskedValue("cell temperature", "degC", 20.0, 250.0),
-)
 REST = Prompt(
     "gyro-at-rest",
     "Fix the gyro at rest in inertial space, its loops open.",
@@ -60,7 +55,8 @@ def depolarise(run: Run) -> None:
     """
     parameters: SerfParameters = run.parameters
     run.ask(CABLES)
-    run.ask(HEAT)
+    if not (is_driven(run) and all_finished(run)):
+        warm(run)
     run.ask(REST)
     if all_finished(run):
         return
@@ -231,7 +227,7 @@ def bad_attempt(run: Run, cell: Cell, shot: Wanted, *, last: bool) -> str | None
     """
     parameters: SerfParameters = run.parameters
     try:
-        block = cell.fire(fields_of(shot, parameters), f"shot {shot.id}")
+        block = cell.fire(fields_of(shot, parameters), f"shot {shot.id}", shot.id)
     except LightPassed:
         if last:
             raise

@@ -217,9 +217,15 @@ class LoadReset(LastingFault):
 
 
 class HeaterBroken(LastingFault):
-    """A thermal chamber's heater gives nothing: a set-point above the room is never reached."""
+    """The heater of a chamber or a cell gives nothing: a set-point is never reached."""
 
     kind = "heater-broken"
+
+
+class SensorOpen(LastingFault):
+    """The thermometer of a heated cell is open: its controller has no reading, and says so."""
+
+    kind = "sensor-open"
 
 
 class CompressorTrip(LastingFault):

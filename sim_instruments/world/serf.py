@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from sim_instruments.truth import Truth
-from sim_instruments.world.base import TriggerLine, World, nothing
+from sim_instruments.world.base import TriggerLine, World
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.noise import InstantNoise, generator
 from sim_instruments.world.piecewise import Array
 from sim_instruments.world.serf_cell import Cell, Nuclei, axis_of
 from sim_instruments.world.serf_coils import CellCoils, VoltageHistory
+from sim_instruments.world.serf_oven import Oven
 from sim_instruments.world.serf_trajectory import Physics, Residual, SpinTrajectory, Switches
 
 
@@ -63,7 +64,8 @@ class SerfBench(World):
         self.trigger = TriggerLine()
         serf = truth.section("serf")
         self.coils = CellCoils(serf.section("coils"))
-        self.cell = Cell(serf.section("cell"), serf.section("pump"))
+        self.oven = Oven(serf.section("oven")) if "oven" in serf else None
+        self.cell = Cell(serf.section("cell"), serf.section("pump"), self.oven)
         self.gyro_was_running = serf.switch("gyro_was_running")
         self.nuclei = Nuclei(
             serf.section("noble_gas"), self.cell.radius_cm, was_running=self.gyro_was_running
@@ -87,7 +89,7 @@ class SerfBench(World):
                 self._heat,
                 "The simulated cell was brought to its working temperature.",
             ),
-            "gyro-at-rest": (nothing, "The simulated gyro rests in inertial space."),
+            "gyro-at-rest": (self._rest, "The simulated gyro rests in inertial space."),
             **self.usual_acts(
                 "The simulated SERF gyro was switched on.",
                 "The simulated SERF gyro was switched off, and its cell cools down.",
@@ -100,11 +102,15 @@ class SerfBench(World):
         return self._powered
 
     def power(self, time_s: float, on: bool) -> None:
-        """Switch the gyro on or off; switched off, its cell cools down."""
+        """Switch the gyro on or off; switched off, its cell cools down, unless a heater is driven.
+
+        Where an instrument drives the heater, its oven says how warm the cell is.
+        """
         self._powered = on
         self._heated = self._heated and on
         self._power.switch(time_s, on)
-        self.trajectory.warm.switch(time_s, self._heated)
+        driven = self.oven is not None and self.oven.driven
+        self.trajectory.warm.switch(time_s, self._heated or driven)
         self._changed()
 
     def drive(self, coil: str, history: VoltageHistory) -> None:
@@ -123,8 +129,15 @@ class SerfBench(World):
         """Return the detector's voltage at each time, same shape; times ascend."""
         with self.lock:
             polarisation = self.trajectory.polarisation(times_s)
+            polarisation *= self.cell.density(times_s)[:, None]
             return self.detector.voltage_V(times_s, polarisation, self._power.at(times_s))
 
     def _heat(self, time_s: float) -> None:
         self._heated = True
+        if self.oven is not None:
+            self.oven.hold(time_s)
+        self.power(time_s, True)
+
+    def _rest(self, time_s: float) -> None:
+        """Let a gyro rest whose detector is on, since its loops can be opened."""
         self.power(time_s, True)

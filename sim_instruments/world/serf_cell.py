@@ -25,9 +25,12 @@ import numpy as np
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.piecewise import Array
+from sim_instruments.world.serf_oven import Oven
 
 GAMMA_RAD_PER_S_NT = 2.0 * np.pi * 28.02495
 
+DARK_BELOW = 0.02
+"""A vapour of less than this of its density at working temperature shows nothing."""
 STEADY_ROUNDS = 6
 """How often the steady state is solved anew with the slowing-down factor of the last solution."""
 
@@ -87,11 +90,14 @@ class Cell:
     Truth (`simulation.serf.cell`): `nuclear_spin`, `relaxation_rate` of the electrons with the
     pump off, `exchange_rate`, `radius`, and `temperature`: slow `swing` with its `period`, by
     which the slowing-down factor changes (`slowing_down_per_K`) and the density of the vapour
-    (`exchange_per_K`). `pump`: `axis` with its `lean`, `rate` while it shines, the `leak` of it
-    that the closed shutter lets through, `light_shift` as a field along the pump while it shines.
+    (`exchange_per_K`). All hold at working temperature; where the `oven` is warmer or colder, the
+    density goes as the exponential of that times `exchange_per_K`. `pump`: `axis` with its `lean`,
+    `rate` while it shines, the `leak` of it that the closed shutter lets through, `light_shift` as
+    a field along the pump while it shines.
     """
 
-    def __init__(self, cell: Truth, pump: Truth) -> None:
+    def __init__(self, cell: Truth, pump: Truth, oven: Oven | None = None) -> None:
+        self.oven = oven
         spin = cell.text("nuclear_spin")
         if spin not in SPINS:
             known = ", ".join(SPINS)
@@ -111,8 +117,14 @@ class Cell:
         self.leak = pump.quantity("leak", "1")
         self.light_shift_nT = pump.quantity("light_shift", "nT")
 
+    def density(self, time_s: Array) -> Array:
+        """Return the density of the vapour over that at working temperature, as its oven goes."""
+        if self.oven is None:
+            return np.ones(time_s.size)
+        return np.exp(self._exchange_per_K * self.oven.above_working_K(time_s))
+
     def warmth_K(self, time_s: Array) -> Array:
-        """Return by how much the cell is warmer than its working temperature."""
+        """Return by how much the cell swings about the temperature of its oven."""
         return np.asarray(self._swing_K * np.sin(2.0 * np.pi * time_s / self._period_s))
 
     def light(self, pump_on: bool) -> float:
@@ -121,12 +133,13 @@ class Cell:
 
     def rates(self, time_s: float, light: float, gradient_nT_per_cm: float) -> Rates:
         """Return the rates at a time; a gradient dephases the spins across the cell."""
-        warmth_K = float(self.warmth_K(np.array([time_s]))[0])
+        now = np.array([time_s])
+        warmth_K, density = float(self.warmth_K(now)[0]), float(self.density(now)[0])
         dephasing = GAMMA_RAD_PER_S_NT * abs(gradient_nT_per_cm) * self.radius_cm
         return Rates(
             relaxation=self.relaxation + dephasing,
             pumping=light * self.pumping,
-            exchange=self.exchange * (1.0 + self._exchange_per_K * warmth_K),
+            exchange=self.exchange * density * (1.0 + self._exchange_per_K * warmth_K),
             scale=1.0 + self._slowing_down_per_K * warmth_K,
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.world.piecewise import LONG_AGO_S, Array
-from sim_instruments.world.serf_cell import Cell, Nuclei
+from sim_instruments.world.serf_cell import DARK_BELOW, Cell, Nuclei
 from sim_instruments.world.serf_coils import GRADIENT, NAMES, CellCoils
 from sim_instruments.world.serf_integrator import Integrator
 
@@ -83,9 +83,10 @@ class Stretch:
         cell, coils, nuclei, residual = physics
         self.start_s = float(row[0])
         self.volts = row[1 : 1 + len(NAMES)]
-        self._warm, pump_on = row[-2] > 0.5, row[-1] > 0.5
-        self._before = before
         now = np.array([self.start_s])
+        pump_on = row[-1] > 0.5
+        self._warm = row[-2] > 0.5 and float(cell.density(now)[0]) > DARK_BELOW
+        self._before = before
         if before is None:
             self._voltage_left, self.switched_s = np.zeros(3), LONG_AGO_S
             self._nuclear_nT = nuclei.initial_nT
@@ -251,6 +252,8 @@ class SpinTrajectory:
         changes = [
             source.changes(until_s) for source in (self._physics.coils, self.pump, self.warm)
         ]
+        if self._physics.cell.oven is not None:
+            changes.append(self._physics.cell.oven.changes(until_s))
         starts = np.unique(np.concatenate([[LONG_AGO_S], *changes]))
         # A voltage has risen long before the middle.
         middles = 0.5 * (starts + np.append(starts[1:], max(until_s, starts[-1])))

@@ -19,7 +19,8 @@ meter or a thermometer gives each burst of readings once and whole, in exchanges
 for it. A digitizer brings one whole record about each trigger that it gives, and its trigger output
 comes to rest. A shutter proves where it stands, and closes from any state. A thermal chamber takes
 its limits, ramps evenly to its set-point, holds, and switches heater and compressor off from any
-state. A supply of the device under test asks the operator for nothing that it did not declare.
+state. A cell's heater takes its limit, ramps to its set-point, and is off from any state. A supply
+of the device under test asks the operator for nothing that it did not declare.
 
 On a simulated bench (one with `simulation`) the instrument's simulator answers, on virtual time,
 in the world of `--station-procedure`. On a real bench the tests wait in real time, and whatever

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from station.conformance import (
+    test_cell_heater,
     test_coil_supply,
     test_pump_laser,
     test_rotary_stage,
@@ -25,6 +26,7 @@ from station.safety.safe_state import make_bench_safe
 pytestmark = pytest.mark.energises
 
 ENERGISED: dict[str, Callable[[Fixture, Any], object]] = {
+    "cell_heater": test_cell_heater.on,
     "coil_supply": test_coil_supply.run_for_a_while,
     "dut_power": lambda fixture, supply: supply.switch_on(),
     "pump_laser": test_pump_laser.STATES["open"],

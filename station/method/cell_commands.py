@@ -1,4 +1,4 @@
-"""The commands about a vapour cell: fields of its coils by a signal generator, and its pump light.
+"""The commands about a vapour cell: fields of its coils by a signal generator, pump light, heat.
 
 Here, and nowhere else, a field at the cell becomes a voltage.
 """
@@ -176,3 +176,30 @@ class PumpLight(Command[None]):
             pump.open_shutter()
         else:
             pump.follow_trigger()
+
+
+@dataclass(frozen=True)
+class CellHeat(Command[None]):
+    """A vapour cell's heater on, its set-point on a ramp from the present temperature."""
+
+    temperature_degC: float
+    rate_degC_per_min: float
+
+    def words(self, bench: Bench) -> str:
+        """Return where it goes, and how fast."""
+        return f"heat to {self.temperature_degC:g} degC at {self.rate_degC_per_min:g} degC/min"
+
+    def bounds(self, bench: Bench) -> Bounds:
+        """Return temperature and slope."""
+        return {
+            "temperature_degC": self.temperature_degC,
+            "temperature_slew_degC_per_min": self.rate_degC_per_min,
+        }
+
+    def apply(self, station: Station, prepared: None) -> None:
+        """Switch it on where it stands, and begin the ramp."""
+        from station.roles import CellHeater
+
+        heater = station.role(self.instrument, CellHeater)
+        heater.switch_on()
+        heater.ramp_to(self.temperature_degC, self.rate_degC_per_min)

@@ -21,6 +21,7 @@ from station.roles.base import (
     published,
     quantity,
 )
+from station.roles.cell_heater import CELL_HEATER, CellHeater
 from station.roles.coil_supply import (
     COIL_SUPPLY,
     CoilSettings,
@@ -57,6 +58,7 @@ ROLES = (
     SIGNAL_GENERATOR,
     DIGITIZER,
     PUMP_LASER,
+    CELL_HEATER,
     DUT_POWER,
     INTERLOCK_CHAIN,
 )
@@ -69,6 +71,7 @@ __all__ = [
     "TRIES",
     "Block",
     "CellCoilSettings",
+    "CellHeater",
     "CoilSettings",
     "CoilSupply",
     "Digitizer",

@@ -101,6 +101,11 @@ def lets_light_through(fixture: Fixture, shutter: Any) -> None:
     shutter.open_shutter()
 
 
+def warms_the_cell(fixture: Fixture, heater: Any) -> None:
+    heater.programme_limits()
+    heater.switch_on()
+
+
 def stands_at_30_deg(fixture: Fixture, stage: Any, *axis: int) -> None:
     stage.home(*axis)
     while stage.is_moving(*axis):
@@ -141,7 +146,7 @@ class Case:
 WORLDS = {
     **dict.fromkeys(("navigator", "thermal_chamber", "turntable"), FOG),
     **dict.fromkeys(("multimeter", "thermometer", "rotary_stage"), ACCELEROMETER),
-    **dict.fromkeys(("signal_generator", "digitizer", "pump_laser"), SERF),
+    **dict.fromkeys(("signal_generator", "digitizer", "pump_laser", "cell_heater"), SERF),
     "imu": NINE_AXIS,
 }
 """In which procedure's world the instrument of a role stands; the others in a laser gyro's."""
@@ -175,6 +180,13 @@ CASES: dict[str, Case] = {
     ),
     "lakeshore-425": Case(
         Identity("LSCI", "MODEL425", "4250022", "1.0"), "RDGFIELD", field_nT, records_field, OTHER
+    ),
+    "lakeshore-336": Case(
+        Identity("LSCI", "MODEL336", "LSA23CH", "2.9"),
+        "CRDG? A",
+        air_degC,
+        warms_the_cell,
+        untouched=("nan",),
     ),
     "can-pulse-board": Case(Identity(OURS, "CAN pulse board", "1042", "1.2"), "100"),
     "serial-pulse-board": Case(

@@ -19,7 +19,12 @@ from station.runner.outcome import Outcome
 
 PROCEDURE = "serf-nonorthogonality"
 SEEDS = (0, 1, 2)
-SHORT = {"shots": "as_published", "gyro_was_running": False, "nulling": {"rounds": 0}}
+SHORT = {
+    "shots": "as_published",
+    "gyro_was_running": False,
+    "nulling": {"rounds": 0},
+    "cell_temperature": None,
+}
 STUCK = {"instrument": "pump_laser", "fault": "stuck-open"}
 
 

@@ -24,7 +24,7 @@ from station.runner.static_limits import beyond_limits
 from station.schema import schema_text
 
 ROLE = '''\
-"""The heater of a vapour cell."""
+"""The oven of a lamp."""
 
 from typing import Protocol, runtime_checkable
 
@@ -32,7 +32,7 @@ from station.roles import Instrument, Limit, MadeSafe, Quantity, Role, SafeState
 
 
 @runtime_checkable
-class CellHeater(Instrument, MadeSafe, Protocol):
+class LampOven(Instrument, MadeSafe, Protocol):
     """An oven with its own controller."""
 
     def heat_to(self, temperature_degC: float) -> None:
@@ -40,9 +40,9 @@ class CellHeater(Instrument, MadeSafe, Protocol):
         ...
 
 
-CELL_HEATER = Role(
-    "cell_heater",
-    CellHeater,
+LAMP_OVEN = Role(
+    "lamp_oven",
+    LampOven,
     limits={"power": Limit("W", "largest power of the oven", needed=True)},
     quantities={"power": Quantity("W", period_s=2.0, limit="power")},
     safe_state=SafeState("no power at the oven", "the measured power", rank=35),
@@ -67,15 +67,15 @@ class Oven(Driver):
     def heat_to(self, temperature_degC): pass
 '''
 INSTRUMENT = """\
-  cell_heater:
+  lamp_oven:
     driver: lab-oven
     limits: {power: 10 W}
     simulator: {}
 """
 INTERLOCK = """\
-  - {name: oven, when: {instrument: cell_heater, quantity: power, above: 12 W}}
+  - {name: oven, when: {instrument: lamp_oven, quantity: power, above: 12 W}}
 """
-SAFE = "  - {role: cell_heater, within: 5 s}\n"
+SAFE = "  - {role: lamp_oven, within: 5 s}\n"
 
 
 def forget() -> None:
@@ -92,7 +92,7 @@ def laboratory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: heaters\n", encoding="utf-8")
     (info / "entry_points.txt").write_text(
-        "[station.roles]\na-heater = heater_role:CELL_HEATER\n"
+        "[station.roles]\na-heater = heater_role:LAMP_OVEN\n"
         "[station.drivers]\nlab-oven = heater_driver:Oven\n"
         "[station.simulators]\nlab-oven = heater_driver:Oven\n",
         encoding="utf-8",
@@ -131,11 +131,11 @@ def test_a_bench_may_have_it_with_its_limit_and_an_interlock_on_its_quantity(
     laboratory: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bench = read(bench_text())
-    assert bench.instruments["cell_heater"].limits == {"power": 10.0}
+    assert bench.instruments["lamp_oven"].limits == {"power": 10.0}
     (interlock,) = [one for one in bench.interlocks if one.name == "oven"]
-    assert interlock.instruments == {"cell_heater"}
-    assert interlock.period_s == kind_of("cell_heater", "power").period_s == 2.0
-    assert ("cell_heater", 5.0) in bench.safe_order()
+    assert interlock.instruments == {"lamp_oven"}
+    assert interlock.period_s == kind_of("lamp_oven", "power").period_s == 2.0
+    assert ("lamp_oven", 5.0) in bench.safe_order()
     assert bench_of(bench.document, registry.names(registry.DRIVERS)).file == bench.file
     (laboratory / "plan.yaml").write_text(PLAN, encoding="utf-8")
     (laboratory / "bench.yaml").write_text(bench_text(), encoding="utf-8")
@@ -147,12 +147,12 @@ def test_a_bench_may_have_it_with_its_limit_and_an_interlock_on_its_quantity(
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("limits: {power: 10 W}", "settings: {}", "is missing; a cell_heater needs it"),
+        ("limits: {power: 10 W}", "settings: {}", "is missing; a lamp_oven needs it"),
         ("10 W", "10 V", "'10 V' is a voltage, expected a power such as '50 W'"),
         ("10 W", "-10 W", "must be above 0, not '-10 W'"),
-        ("above: 12 W", "above: 16 W", "so far beyond limits.power of cell_heater, 10 W"),
-        ("quantity: power", "quantity: watts", "is no quantity of a cell_heater; it has power"),
-        ("driver: lab-oven", "driver: operator-power", "cannot be a cell_heater; it can be dut"),
+        ("above: 12 W", "above: 16 W", "so far beyond limits.power of lamp_oven, 10 W"),
+        ("quantity: power", "quantity: watts", "is no quantity of a lamp_oven; it has power"),
+        ("driver: lab-oven", "driver: operator-power", "cannot be a lamp_oven; it can be dut"),
         ("driver: lab-oven", "driver: interlock-chain-shared", "has no simulator, and this bench"),
         (" W}\n    simulator: {}\n", " W}\n", "is missing; a simulated bench needs it, an empty"),
     ],
@@ -175,35 +175,35 @@ def test_a_driver_that_publishes_in_another_unit_than_its_role_is_refused(
     text = text.replace('    quantities: ClassVar = {"power": lambda self: 0.0}\n', "")
     (laboratory / "site" / "heater_driver.py").write_text(text, encoding="utf-8")
     (fault,) = faults_of(bench_text())
-    assert "publishes 'power' in mW, a cell_heater has it in W" in fault
+    assert "publishes 'power' in mW, a lamp_oven has it in W" in fault
 
 
 @pytest.mark.usefixtures("laboratory")
 def test_it_is_in_the_schema_and_not_in_the_built_in_one() -> None:
     shown = json.loads(schema_text("bench"))
-    assert "cell_heater" not in schema_text("bench", built_in=True)
+    assert "lamp_oven" not in schema_text("bench", built_in=True)
     instruments = shown["properties"]["instruments"]
-    assert "cell_heater" in instruments["propertyNames"]["enum"]
+    assert "lamp_oven" in instruments["propertyNames"]["enum"]
     power = instruments["additionalProperties"]["properties"]["limits"]["properties"]["power"]
     assert power["anyOf"][0]["description"] == "a power such as '50 W'; above 0 W"
-    needs = instruments["allOf"][0]["patternProperties"][r"^cell_heater(\.|$)"]
+    needs = instruments["allOf"][0]["patternProperties"][r"^lamp_oven(\.|$)"]
     assert needs["properties"]["limits"]["required"] == ["power"]
     when = shown["properties"]["interlocks"]["items"]["properties"]["when"]["anyOf"][0]
     assert "power" in when["properties"]["quantity"]["enum"]
-    assert "cell_heater" in shown["properties"]["safe_state"]["items"]["properties"]["role"]["enum"]
+    assert "lamp_oven" in shown["properties"]["safe_state"]["items"]["properties"]["role"]["enum"]
 
 
 @pytest.mark.usefixtures("laboratory")
 def test_what_a_step_commands_is_held_against_its_limit() -> None:
     bench = read(bench_text())
-    within = SetPoint("1", "cell_heater", "oven at 90 degC", limited={"power": 10.0})
-    beyond = SetPoint("2", "cell_heater", "oven at 150 degC", limited={"power": 12.0})
+    within = SetPoint("1", "lamp_oven", "oven at 90 degC", limited={"power": 10.0})
+    beyond = SetPoint("2", "lamp_oven", "oven at 150 degC", limited={"power": 12.0})
     assert list(beyond_limits(Forecast((within,)), bench)) == []
     (problem,) = beyond_limits(Forecast((within, beyond)), bench)
     assert problem.what == (
-        "oven at 150 degC: 12 W is more than the 10 W that the bench allows for cell_heater"
+        "oven at 150 degC: 12 W is more than the 10 W that the bench allows for lamp_oven"
     )
-    heat = Bounded("cell_heater", "oven at 150 degC", within={"limited": {"power": 12.0}})
+    heat = Bounded("lamp_oven", "oven at 150 degC", within={"limited": {"power": 12.0}})
     Envelope.of([beyond]).require(heat, bench)
     with pytest.raises(InputError, match="beyond what its dry run saw"):
         Envelope.of([within]).require(heat, bench)
@@ -212,13 +212,13 @@ def test_what_a_step_commands_is_held_against_its_limit() -> None:
 @pytest.mark.usefixtures("laboratory")
 def test_its_rank_is_its_place_among_the_safe_states() -> None:
     order = list(safe_states())
-    assert order.index("rotary_stage") < order.index("cell_heater") < order.index("pump_laser")
+    assert order.index("rotary_stage") < order.index("lamp_oven") < order.index("pump_laser")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('"cell_heater",', '"dut_power",', "there is a role 'dut_power' already"),
+        ('"lamp_oven",', '"dut_power",', "there is a role 'dut_power' already"),
         (
             '"power": Limit("W"',
             '"voltage": Limit("mV", "", True), "power": Limit("W"',
@@ -226,7 +226,7 @@ def test_its_rank_is_its_place_among_the_safe_states() -> None:
         ),
         ('Limit("W"', 'Limit("horses"', "unit 'horses' is not known"),
         ('limit="power"', 'limit="pover"', "power names no limit of it"),
-        ("CELL_HEATER = Role(", "CELL_HEATER = dict(role=", "cannot be loaded"),
+        ("LAMP_OVEN = Role(", "LAMP_OVEN = dict(role=", "cannot be loaded"),
     ],
 )
 def test_one_that_cannot_be_a_role_costs_itself_only_and_is_named(
