@@ -13,7 +13,7 @@ Not confirmed in a primary source: that `SETP?` reads where a ramp of the set-po
 `CRDG?` reads without a sensor, which nobody uses since `RDGST?` goes with it.
 
 Commands and their sources:
-    *IDN?, *ESR? - who answers, what was refused - the maker's client - confirmed
+    *IDN?, *ESR?, *CLS - who answers, what was refused - the maker's client - confirmed
     CRDG?, RDGST? - temperature in degC, and whether it is one - 335 manual p.123 - confirmed
     SETP, RAMP, RAMPST? - set-point, its ramp in K/min, whether it goes - 335 manual p.122 -
         confirmed
@@ -73,7 +73,7 @@ class Lakeshore336(ScpiDriver):
 
     recognises: ClassVar[str] = r"^LSCI,MODEL336,(?P<serial>[^,/]+)"
     repeatable: ClassVar[Repeatable] = Repeatable(
-        r"\*(IDN|ESR)\?|(CRDG|RDGST|INTYPE|TLIMIT)\? [A-D]",
+        r"\*CLS|\*(IDN|ESR)\?|(CRDG|RDGST|INTYPE|TLIMIT)\? [A-D]",
         r"(SETP|RAMP|RAMPST|RANGE|HTR|HTRST|OUTMODE)\? \d",
         r"(SETP|RAMP|RANGE) \d,[\d.,+-]+|TLIMIT [A-D],[\d.+-]+",
     )
@@ -102,6 +102,7 @@ class Lakeshore336(ScpiDriver):
         Raises InstrumentError where the loop is another, or the bench allows more than the model.
         """
         self.check_rating("temperature_high", MOST_DEGC, "degC")
+        self._line.forget_errors()  # of whoever talked to it before
         self._look_at_loop()
         limit_K = math.ceil(self.limit("temperature_high") + ZERO_DEGC_K + OVERSHOOT_K)
         self._line.command(f"TLIMIT {self._input},{limit_K}")
@@ -194,7 +195,7 @@ class Lakeshore336(ScpiDriver):
     def make_safe(self, deadline_s: float) -> None:
         """Switch the heater off and see, before run time `deadline_s`, that it is."""
         self._on = False
-        self._line.command(f"RANGE {self._output},0")
+        self._line.query(f"RANGE {self._output},0;:RANGE? {self._output}")
         while self.place.clock.now() < deadline_s - LOOK_S:
             if self.read_safety().safe:
                 return
@@ -213,7 +214,8 @@ class Lakeshore336(ScpiDriver):
         self.place.publish("output", "on" if range_now else "off")
         return SafetyReading(
             range_now == 0 and abs(percent) <= NO_POWER_PERCENT,
-            f"range {RANGES[range_now]}, output {percent:.1f} %, cell at {at_degC.strip()} degC",
+            f"range {RANGES[range_now]}, output {percent:.1f} %, cell at "
+            f"{at_degC.strip(' +')} degC",
         )
 
     @quantity("output", states=("on", "off"))

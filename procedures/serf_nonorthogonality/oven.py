@@ -97,14 +97,6 @@ class Oven:
             run.say_progress(f"the cell is heated to {degC:g} degC, {seen_degC:.1f} degC now")
 
 
-def warm(run: Run) -> None:
-    """Bring the cell to its working temperature; a run that goes on does so again."""
-    if is_driven(run):
-        run.state(Oven, run).heat()
-    else:
-        run.ask(HEAT)
-
-
 def record(run: Run, unit: str) -> None:
     """Record the temperature of a cell that its heater keeps warm."""
     if is_driven(run):

@@ -25,7 +25,7 @@ from .cell import (
     shots_s,
 )
 from .nulling_by_tones import null_by_tones
-from .oven import is_driven, warm
+from .oven import HEAT, Oven, is_driven
 from .parameters import SerfParameters
 from .shots import REPEATED, Wanted
 
@@ -55,11 +55,13 @@ def depolarise(run: Run) -> None:
     """
     parameters: SerfParameters = run.parameters
     run.ask(CABLES)
-    if not (is_driven(run) and all_finished(run)):
-        warm(run)
+    if not is_driven(run):
+        run.ask(HEAT)
     run.ask(REST)
     if all_finished(run):
         return
+    if is_driven(run):
+        run.state(Oven, run).heat()
     cell = run.state(Cell, run)
     cell.prepare()
     run.event("field-on", instrument="signal_generator")

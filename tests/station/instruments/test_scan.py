@@ -37,6 +37,7 @@ FILLED_IN = {
     "rotary_stage": "    limits: {rate: 20 deg/s, acceleration: 40 deg/s^2}\n",
     "turntable": "    limits: {rate: 110 deg/s, acceleration: 50 deg/s^2}\n",
     "signal_generator": "    settings: {load: high-impedance}\n    limits: {voltage: 9 V}\n",
+    "cell_heater": "    limits: {temperature_high: 200 degC, temperature_slew: 20 degC/min}\n",
     "thermal_chamber": "    limits: {temperature_low: -45 degC, temperature_high: 70 degC}\n",
 }
 
@@ -47,6 +48,7 @@ MADE_SAFE = (
     "signal_generator",
     "pump_laser",
     "digitizer",
+    "cell_heater",
     "thermal_chamber",
 )
 
@@ -94,7 +96,7 @@ def test_the_draft_lacks_only_what_a_person_must_say(
     with pytest.raises(FaultList) as raised:
         read_bench(path, drivers)
     for fault in raised.value.faults:
-        roles = "coil_supply|rotary_stage|turntable|signal_generator|thermal_chamber"
+        roles = "coil_supply|rotary_stage|turntable|signal_generator|thermal_chamber|cell_heater"
         assert re.search(f"is missing; (a ({roles})|this driver) needs it", str(fault))
     text = scanned.stdout
     for line in text.splitlines():
