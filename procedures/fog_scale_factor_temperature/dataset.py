@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -222,7 +223,7 @@ class AxisTurns:
         """What a bias of 1 deg/h adds to `data_ppm`."""
         return self.duration_s / SECONDS_PER_HOUR / FULL_TURN_DEG * PPM
 
-    @property
+    @cached_property
     def set_interval_s(self) -> float:
         """The usual time from a set to the next; the record's length where there is but one."""
         starts = np.array([self.middle_s[self.set_number == n].min() for n in self.sets()])

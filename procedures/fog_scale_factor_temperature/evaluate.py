@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
 from station.files.faults import FaultList
 from station.findings import (
+    Analysis,
     Detail,
     Estimate,
     Findings,
@@ -30,6 +32,7 @@ from .from_import import Conditions, dataset_of_import
 from .navigation import ACCELEROMETER_BIAS, FIX, HEADING, LEVEL, NAMES, RUNS
 from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, FogParameters
 from .solution import AxisFit
+from .trials import LATITUDE, trials_of
 from .verification import Driven, Verified
 
 if TYPE_CHECKING:
@@ -42,7 +45,7 @@ TABLE_ANGLE = "table_angle_deg"
 CHECKS = "checks"
 ABOUT_WARMTH = "offset of the gyro's thermometer, where another one compensates by the curve"
 CONDITIONS = "the dataset's conditions"
-WARMTH, LATITUDE = "thermometer_degC", "latitude"
+WARMTH = "thermometer_degC"
 BAND_POINTS = 21
 WIDEST_DEGC = WIDE * AnalysisSettings().temperature_gap_degC
 
@@ -53,12 +56,12 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
 
     dataset = dataset_of_run(folder, parameters, bench)
     analysis = analyse(dataset, settings(parameters))
+    trials = trials_of(analysis, dataset, partial(_tried, settings=settings(parameters)))
     warmth = bench.stated_input((NAVIGATOR, "temperature", ROOM_DEGC, "degC"), WARMTH, ABOUT_WARMTH)
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
     findings = to_findings(analysis, dataset, flags, "specification in the plan")
-    return replace(
-        findings, inputs=[*findings.inputs, *table_inputs(bench), *warmth, latitude_input(None)]
-    )
+    inputs = [*findings.inputs, *table_inputs(bench), *warmth, latitude_input(None)]
+    return replace(findings, inputs=inputs, trials=trials)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -78,13 +81,22 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     if conditions.soak_s is not None and not low <= conditions.soak_s / 3600.0 <= high:
         soak_h = conditions.soak_s / 3600.0
         flags.append(outside_flag(f"a soak of {soak_h:g} h (published {low:g} h to {high:g} h)"))
-    findings = to_findings(analysis, dataset, flags, "condition gyro_bias, a specification")
+    more = [] if analysis.navigated is None else drive_inputs(conditions)
+    stated = {quantity.name: quantity.standard_uncertainty or 0.0 for quantity in more}
+    source = "condition gyro_bias, a specification"
+    findings = to_findings(analysis, dataset, flags, source, stated)
     warmth = InputQuantity.if_stated(
         WARMTH, ABOUT_WARMTH, conditions.thermometer_uncertainty_degC, "degC", CONDITIONS
     )
     latitude = latitude_input(conditions.latitude_uncertainty_arcmin)
-    more = [] if analysis.navigated is None else drive_inputs(conditions)
-    return replace(findings, inputs=[*findings.inputs, warmth, latitude, *more])
+    trials = trials_of(analysis, dataset, partial(_tried, settings=AnalysisSettings()))
+    return replace(findings, inputs=[*findings.inputs, warmth, latitude, *more], trials=trials)
+
+
+def _tried(dataset: FogDataset, settings: AnalysisSettings) -> Analysis:
+    """Return the results of a trial."""
+    findings = to_findings(analyse(dataset, settings), dataset, [], "")
+    return Analysis(findings.estimates, findings.published, findings.flags)
 
 
 def drive_inputs(conditions: Conditions) -> list[InputQuantity]:
@@ -139,9 +151,16 @@ def outside_flag(said: str) -> Flag:
 
 
 def to_findings(
-    analysis: FogAnalysis, dataset: FogDataset, flags: list[Flag], source: str
+    analysis: FogAnalysis,
+    dataset: FogDataset,
+    flags: list[Flag],
+    source: str,
+    stated: Mapping[str, float] | None = None,
 ) -> Findings:
-    """Return an analysis in the station's own terms; `source` says where the bias comes from."""
+    """Return an analysis in the station's own terms; `source` says where the bias comes from.
+
+    `stated` has standard uncertainties of what a navigated drive depends on.
+    """
     estimates: list[Estimate] = []
     published: list[Published] = []
     asked = dataset.reference_temperature_degC
@@ -169,7 +188,9 @@ def to_findings(
         _verified(verified, analysis.fits[axis]) for axis, verified in analysis.verified.items()
     ]
     estimates += _driven(analysis.driven, dataset.drive, analysis.fits.get("z"))
-    estimates += _navigated(analysis, dataset.drive)
+    known = {**(stated or {}), BIAS: dataset.gyro_bias_deg_per_h or 0.0}
+    known |= {f"{CHECKS}_{axis}": 1.0 for axis in analysis.fits}
+    estimates += _navigated(analysis, dataset.drive, known)
     inputs = []
     if dataset.gyro_bias_deg_per_h:
         inputs.append(
@@ -326,7 +347,9 @@ def _driven(driven: Driven | None, drive: Drive | None, fit: AxisFit | None) -> 
     ]
 
 
-def _navigated(analysis: FogAnalysis, drive: Drive | None) -> list[Estimate]:
+def _navigated(
+    analysis: FogAnalysis, drive: Drive | None, stated: Mapping[str, float]
+) -> list[Estimate]:
     if drive is None or (drive.specific_force_m_per_s2 is None and drive.reference is None):
         return []
     journey = analysis.navigated
@@ -338,7 +361,7 @@ def _navigated(analysis: FogAnalysis, drive: Drive | None) -> list[Estimate]:
             if journey is None:
                 estimates.append(undetermined(f"{name}_{run}", None, unit, "least-squares"))
                 continue
-            size = journey.size(curves, name, number)
+            size = journey.size(curves, name, number, stated)
             estimates.append(
                 Estimate(
                     f"{name}_{run}",

@@ -27,6 +27,8 @@ from .verification import compensate
 STEP_S = 1.0
 DRAWS, SEED = 64, 0
 """Drives with noise of their own, by whose scatter the noise of the sensors is in u."""
+WITHIN = 5.99
+"""Chi-square of two components that 95 % stay below."""
 M_PER_S2_PER_UG = 9.80665e-6
 FEWEST_BENDS = 3
 GYRO_BIAS, ACCELEROMETER_BIAS = "gyro_bias", "accelerometer_bias"
@@ -67,51 +69,83 @@ class Navigated:
     attitude: Array
     offset_s: float = 0.0
 
-    def size(self, curves: Mapping[str, Curve], name: str, run: int) -> Size:
-        """Return the largest or final error of a run; `name` is one of `NAMES`."""
+    def size(
+        self, curves: Mapping[str, Curve], name: str, run: int, stated: Mapping[str, float]
+    ) -> Size:
+        """Return the largest or final error of a run; `name` is one of `NAMES`.
+
+        An error within the 95 % ellipse of its uncertainty about zero has no direction: u is then
+        that of the whole vector, as sizes differ at most as vectors do. `stated` has standard
+        uncertainties by the names of inputs.
+        """
         part = VELOCITY if name == "velocity_error" else POSITION
         error = self.error[run][:, part]
         length = np.linalg.norm(error, axis=1)
         row = -1 if name == "final_position_error" else int(np.argmax(length))
-        along = error[row] / max(float(length[row]), 1e-12)
+        along = error[row][:, None] / max(float(length[row]), 1e-12)
+        depends = self._depends(curves, row, part, run)
+        shares = [depends.noise, *depends.model.values()]
+        shares += [stated.get(what, 0.0) * own for what, own in depends.inputs.items()]
+        covariance = sum(own.T @ own for own in shares) + 1e-12 * np.eye(2)
+        if float(error[row] @ np.linalg.solve(covariance, error[row])) < WITHIN:
+            along = np.eye(2)
 
-        def by(what: str) -> Array:
-            return np.asarray(self.shifts[what][:, row, part] @ along)
+        def size_of(shares: Array) -> float:
+            own = shares @ along
+            return float(own[0, 0]) if own.size == 1 else float(np.linalg.norm(own))
 
-        noise = float(np.mean(by(NOISE) ** 2))
-        model, freedom = 0.0, math.inf
-        bias = by(GYRO_BIAS)
-        sensitivities = {}
-        if run:
-            bias = bias + by(CURVE_BIAS)
-            for axis, curve in curves.items():
-                share = by(f"model_{axis}")
-                model += float(share @ curve.covariance @ share)
-                freedom = min(freedom, max(curve.degrees_of_freedom, 1.0))
-                if curve.check is not None:
-                    sensitivities[f"checks_{axis}"] = float(by(f"checks_{axis}")[0])
-        sensitivities |= {
-            what: float(np.linalg.norm(share))
-            for what, share in (
-                (GYRO_BIAS, bias),
-                (ACCELEROMETER_BIAS, by(ACCELEROMETER_BIAS)),
-                (HEADING, by(HEADING)),
-                (LEVEL, by(LEVEL)),
-            )
-        }
-        late = 0.0
-        if part == POSITION:
-            sensitivities[FIX] = math.sqrt(2.0) / 1000.0
-            late = float(self.offset_s * (self.velocity_m_per_s[row] @ along)) ** 2
-        square = noise + model + late
+        noise, model, freedom = size_of(depends.noise) ** 2, 0.0, math.inf
+        for axis, own in depends.model.items():
+            model += size_of(own) ** 2
+            freedom = min(freedom, max(curves[axis].degrees_of_freedom, 1.0))
+        variance = noise + model + size_of(depends.late) ** 2
         spread = noise**2 / DRAWS + model**2 / freedom
         return Size(
             float(length[row]),
             float(self.time_s[row]),
-            max(math.sqrt(square), 1e-6),
-            square**2 / spread if spread else math.inf,
-            sensitivities,
+            max(math.sqrt(variance), 1e-6),
+            variance**2 / spread if spread else math.inf,
+            {what: size_of(own) for what, own in depends.inputs.items()},
         )
+
+    def _depends(self, curves: Mapping[str, Curve], row: int, part: slice, run: int) -> _Depends:
+        """Return what the error at a row depends on."""
+
+        def by(what: str) -> Array:
+            return np.asarray(self.shifts[what][:, row, part])
+
+        inputs = {what: by(what) for what in (GYRO_BIAS, ACCELEROMETER_BIAS, HEADING, LEVEL)}
+        model = {}
+        if run:
+            inputs[GYRO_BIAS] = inputs[GYRO_BIAS] + by(CURVE_BIAS)
+            for axis, curve in curves.items():
+                model[axis] = root_of(curve.covariance) @ by(f"model_{axis}")
+                if curve.check is not None:
+                    inputs[f"checks_{axis}"] = by(f"checks_{axis}")
+        late = np.zeros((1, 2))
+        if part == POSITION:
+            inputs[FIX] = math.sqrt(2.0) / 1000.0 * np.eye(2)
+            late = self.offset_s * self.velocity_m_per_s[row][None, :]
+        return _Depends(by(NOISE) / math.sqrt(DRAWS), model, inputs, late)
+
+
+@dataclass(frozen=True)
+class _Depends:
+    """What an error of two components depends on, each (k, 2): of independent unit deviations.
+
+    `model` by axis, `inputs` by name for one unit of it; `late` is what a time offset makes.
+    """
+
+    noise: Array
+    model: Mapping[str, Array]
+    inputs: Mapping[str, Array]
+    late: Array
+
+
+def root_of(covariance: Array) -> Array:
+    """Return a matrix whose square, R^T R, is a covariance (k, k)."""
+    sizes, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))).T)
 
 
 def first_attitude(drive: Drive) -> Array:
@@ -189,7 +223,8 @@ def navigate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Navigated:
     shape = (len(spans), 3)
     for _ in range(DRAWS):
         turned, pushed = (
-            generator.standard_normal(shape) * root * _white(values) for values in (rates[0], force)
+            generator.standard_normal(shape) * root * white_noise(values)
+            for values in (rates[0], force)
         )
         changes.add(NOISE, 1.0, turned=turned, pushed=pushed)
 
@@ -253,9 +288,9 @@ class _Changes:
         self.leans.append(np.zeros(3) if leans is None else size * leans)
 
 
-def _white(values: Array) -> Array:
-    """Return the noise of each column (n, 3), by second differences, which motion hardly moves."""
-    bent = np.diff(values, 2, axis=0)
+def white_noise(values: Array) -> Array:
+    """Return the noise of each column (n, 3), by fourth differences, which no motion moves."""
+    bent = np.diff(values, 4, axis=0)
     if len(bent) < FEWEST_BENDS:
         return np.zeros(3)
-    return np.array([robust_sigma(column) for column in bent.T]) / math.sqrt(6.0)
+    return np.array([robust_sigma(column) for column in bent.T]) / math.sqrt(70.0)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from fog_records import CURVES, record
+from navigated_example import drive_of, files_of_drive, turns_csv
 from numpy.polynomial import Polynomial
 from simulated_journey import Journey, simulated_journey
-from test_import_fog import analysed, by_key, folder_with, turns_csv
+from test_import_fog import analysed, by_key, folder_with
 
 from procedures.fog_scale_factor_temperature.analysis import analyse
 from procedures.fog_scale_factor_temperature.curve import Curve
-from procedures.fog_scale_factor_temperature.dataset import Drive, Trajectory
+from procedures.fog_scale_factor_temperature.dataset import Drive
 from procedures.fog_scale_factor_temperature.figures import draw_parts
 from procedures.fog_scale_factor_temperature.navigation import NAMES
 from procedures.fog_scale_factor_temperature.navigation_checks import navigated
@@ -52,57 +53,9 @@ def flawed(seed: int, laps: int = 6, **changes: Any) -> Journey:
     )
 
 
-def drive_of(journey: Journey) -> Drive:
-    heading, pitch, roll = journey.attitude_deg[0]
-    return Drive(
-        time_s=journey.time_s,
-        rate_deg_per_s=journey.rate_deg_per_s,
-        temperature_degC=journey.temperature_degC,
-        latitude_deg=40.0,
-        first_heading_deg=heading,
-        first_heading_known=True,
-        first_pitch_deg=pitch,
-        first_roll_deg=roll,
-        specific_force_m_per_s2=journey.force_m_per_s2,
-        reference=Trajectory(
-            journey.time_s,
-            journey.latitude_deg,
-            journey.longitude_deg,
-            journey.height_m,
-            journey.velocity_m_per_s,
-        ),
-    )
-
-
-def csv(names: str, *columns: Any) -> str:
-    rows = np.column_stack(columns)
-    return "\n".join([names, *(",".join(f"{cell:.12g}" for cell in row) for row in rows)]) + "\n"
-
-
 def files_of(journey: Journey) -> dict[str, str]:
-    rates, heat = "rate_{}_deg_per_s", "temperature_{}_degC"
-    names = [
-        name.format(axis) for name in (rates, heat, "specific_force_{}_m_per_s2") for axis in "xyz"
-    ]
-    velocity = ",".join(f"velocity_{way}_m_per_s" for way in ("north", "east", "down"))
-    return {
-        "turns.csv": turns_csv(record(0, axes=("x", "y", "z")).turns),
-        "drive.csv": csv(
-            ",".join(["t_s", *names]),
-            journey.time_s,
-            journey.rate_deg_per_s,
-            journey.temperature_degC,
-            journey.force_m_per_s2,
-        ),
-        "reference.csv": csv(
-            f"t_s,latitude_deg,longitude_deg,height_m,{velocity}",
-            journey.time_s,
-            journey.latitude_deg,
-            journey.longitude_deg,
-            journey.height_m,
-            journey.velocity_m_per_s,
-        ),
-    }
+    turns = turns_csv(record(0, axes=("x", "y", "z")).turns)
+    return {"turns.csv": turns, **files_of_drive(journey, 1)}
 
 
 @pytest.fixture(scope="module")
@@ -150,14 +103,15 @@ def test_an_imported_drive_gives_position_and_velocity_errors(
         unit = "m/s" if name == "velocity_error" else "m"
         for run, word in enumerate(("uncompensated", "compensated")):
             result = by_key(data, f"{name}_{word}", None)
-            true = truth.size(curves, name, run).value
+            true = truth.size(curves, name, run, {}).value
             assert result["unit"] == unit
             assert abs(result["value"] - true) < 3.0 * result["standard_uncertainty"]
     before = by_key(data, "position_error_uncompensated", None)
     assert before["value"] > by_key(data, "position_error_compensated", None)["value"]
     budget = {line["description"]: line["contribution"] for line in before["budget"]}
     assert budget["bias of each accelerometer"] > 0.0
-    assert budget["positions of the reference"] == pytest.approx(0.05 * math.sqrt(2.0))
+    # Both ends of a drive whose error has no direction, north and east.
+    assert budget["positions of the reference"] == pytest.approx(0.05 * math.sqrt(4.0))
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Horizontal distance from the reference trajectory" in page
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from fog_records import CURVES, record
+from navigated_example import turns_csv
 from places import DATA
 from simulated_drive import drive_csv, simulated_drive
 
-from procedures.fog_scale_factor_temperature.dataset import TurnTable
 from procedures.fog_scale_factor_temperature.figures import draw_parts
 from station.cli.analysing import analyse_dataset
 from station.dataset_reading import read_dataset
@@ -41,27 +41,6 @@ def copy_of(name: str, folder: Path) -> Path:
     return place
 
 
-def turns_csv(table: TurnTable) -> str:
-    lines = [
-        "set,t_before_s,t_after_s,axis,commanded_deg,heading_before_deg,heading_after_deg,"
-        "gyro_temperature_before_degC,gyro_temperature_after_degC"
-    ]
-    for n in range(len(table)):
-        cells = (
-            table.set_number[n],
-            table.before_s[n],
-            table.after_s[n],
-            table.axis[n],
-            table.commanded_deg[n],
-            f"{table.attitude_before_deg[n, 0]:.6f}",
-            f"{table.attitude_after_deg[n, 0]:.6f}",
-            table.temperature_before_degC[n],
-            table.temperature_after_degC[n],
-        )
-        lines.append(",".join(str(cell) for cell in cells))
-    return "\n".join(lines) + "\n"
-
-
 def folder_with(
     folder: Path, files: dict[str, str], conditions: str, names: str = "turns: turns.csv"
 ) -> Path:
@@ -80,8 +59,13 @@ def folder_with(
 def test_the_examples_come_out_within_their_tolerance(name: str) -> None:
     truth = json.loads((DATA / name / "truth.json").read_text(encoding="utf-8"))
     data = analysed(DATA / name)
-    assert len(data["results"]) == 6
+    drive = truth.get("drive", [])
+    headings = {"heading_error_uncompensated", "heading_error_compensated"} if drive else set()
+    assert len(data["results"]) == 6 + len(drive) + len(headings)
     assert data["flags"] == truth["flags"]
+    for expected in drive:
+        error = by_key(data, expected["name"], None)
+        assert abs(error["value"] - expected["value"]) <= expected["tolerance"], error
     for axis, curve in truth["curves"].items():
         one = by_key(data, "scale_factor_error", axis)
         model = one["model"]
