@@ -12,6 +12,7 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cases import Trial, Trials, scored
@@ -28,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from tumble_records import FOUR, QUARTZ, Stage, made
 
 HEAD = tuple((plane, turned, 90.0) for plane, turned, _ in FOUR)
+SHORT: dict[str, Any] = {"mountings": FOUR[:3], "positions": 8}
 CASES = {
     "four mountings": (Stage(), ()),
     "12 positions": (Stage(positions=12), ()),
@@ -37,7 +39,12 @@ CASES = {
     "drift 20 uV/h": (Stage(drift_V_per_h=20e-6), ("drift",)),
     "warms by 1 K": (Stage(warms_K=1.0), ("K0_T", "Ki_T")),
     "noise 30 uV": (Stage(noise_V=30e-6), ()),
+    "short": (Stage(**SHORT), ()),
+    "short, drift 20 uV/h": (Stage(**SHORT, drift_V_per_h=20e-6), ("drift",)),
+    "short, warms by 0.1 K": (Stage(**SHORT, warms_K=0.1), ("K0_T", "Ki_T")),
+    "short, warms by 1 K": (Stage(**SHORT, warms_K=1.0), ("K0_T", "Ki_T")),
 }
+"""Short is the shortest form of the plan: eight positions in three mountings."""
 
 
 def bound(

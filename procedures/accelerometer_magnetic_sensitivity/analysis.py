@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.estimation.slow_terms import FEWEST_LEFT, K0_T, KI_T
 from station.findings import Estimate, Flag, undetermined
 
 from .causes import cause_flags
@@ -23,7 +24,7 @@ from .model import (
     judge,
     model_columns,
 )
-from .nuisances import FEWEST_LEFT, K0_T, KI_T, KO, KP, OFFSET
+from .nuisances import KO, KP, OFFSET
 from .nuisances import UNITS as NUISANCE_UNITS
 from .parameters import AnalysisSettings
 from .screening import BEYOND, coarse_step_V, data_flags, screen
@@ -229,6 +230,7 @@ def _by_graduation(terms: Mapping[str, float], values: Mapping[str, float]) -> d
     """Return the derivatives of a combination by an error of the angle once a turn, in rad.
 
     What goes with the sine of the angle, times Ki cos, is Kio and Kip; with the cosine Koo and Kpp.
+    In plane `op` neither is there, and these are those by its perturbation (`evaluate.py`).
     """
     ki = values.get("Ki", 0.0)
     sine, cosine = (

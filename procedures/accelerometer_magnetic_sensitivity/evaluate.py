@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.common.inputs import Declared, cosine_u, with_unstated
+from procedures.common.perturbing import with_slopes
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -53,6 +54,11 @@ INPUTS: Declared = {
     AMBIENT: ("probe to coil angle: ambient field across the coil", "T"),
 }
 """What the results depend on."""
+TURNED = ("graduation_sine_rad", "graduation_cosine_rad")
+"""In plane `op` gravity does not turn through IA: what differs there from the other planes drift
+takes up in part, and only the analysis of the data says what they do."""
+GRADUATION_RAD = 5e-6
+"""How far they are moved where nobody states them: 1 arcsec."""
 LEANS = {
     MOUNTING[OFFSET]: "from the zero of the encoder",
     MOUNTING[KO]: "towards OA",
@@ -87,8 +93,12 @@ def _findings(
     inputs = with_unstated([*inputs, *_mounting(analysis, dataset)], INPUTS)
     keys = tuple((name, None) for name in analysis.identifiability.kept)
     related = Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
-    findings = findings_of(analysis, dataset, inputs)
-    return replace(findings, covariance=related, trials=trials_of(analysis, dataset, limits))
+    findings, trials = findings_of(analysis, dataset, inputs), trials_of(analysis, dataset, limits)
+    estimates = findings.estimates
+    if "op" in dataset.plane:
+        stated = {given.name: given.standard_uncertainty or GRADUATION_RAD for given in inputs}
+        estimates = tuple(with_slopes(estimates, trials, {name: stated[name] for name in TURNED}))
+    return replace(findings, estimates=estimates, covariance=related, trials=trials)
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:

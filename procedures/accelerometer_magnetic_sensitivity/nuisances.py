@@ -14,30 +14,29 @@ from numpy.typing import NDArray
 from procedures.estimation.alternatives import Alternative
 from procedures.estimation.linear import combine
 from procedures.estimation.orthogonal import (
-    CHARGE,
     choose_by_information,
     independent_of,
     solve_by_qr,
     thin_qr,
 )
 from procedures.estimation.sine import legendre_columns
+from procedures.estimation.slow_terms import (
+    DRIFT,
+    K0_T,
+    KI_T,
+    Terms,
+    candidates,
+    has_warmed,
+    stacked,
+)
 
 from .dataset import Rows
 from .model import COEFFICIENTS, accelerations_by_angle, model_columns, model_columns_by_angle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Terms = Mapping[str, Array]
-"""Columns (rows,) of slow terms by their names, temperature first, then drift."""
 INDEPENDENT_PART = 1e-3
 """A nuisance term is fitted when more than this part of its column is its own."""
-WARMED_K = 0.05
-"""From such a range of temperature on no criterion is asked: at 150 ppm/degC it is 7.5 µV at 1 g,
-and where temperature follows the angle the coefficients take it up and leave no residual."""
-FEWEST_LEFT = 3
-"""So many rows must be left over, or no value is given: fewer say neither how large the noise is
-nor whether the model holds. Where temperature terms would leave fewer, the criterion is asked all
-the same, and what is left out is in the uncertainty."""
 ARCSEC_PER_RAD = 3600.0 * 180.0 / np.pi
 OFFSET, KO, KP, JUMP = "encoder offset", "Ko", "Kp", "encoder jump"
 ENCODER_JUMP = "encoder-jump"
@@ -49,13 +48,11 @@ MOUNTING_RAD = 5e-4
 """A device on a machined fixture lies to half a milliradian, 100 arcsec."""
 SINGULAR, SMALL_PART = 1e-9, 1e-3
 """Of columns of unit length; of a column: what a coefficient takes less of, it does not hold."""
-K0_T, KI_T = "K0_T", "Ki_T"
 KI_DRIFT = "Ki drift"
 """Of the scale factor, linear in time, where no thermometer says what warmed it."""
 USUAL = {K0_T: 30e-6, KI_T: 100e-6}
 """Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
 50 µg and 80 to 150 ppm."""
-AKAIKE = 2.0
 USUAL_DRIFT_PER_H = 250e-6
 """In parts of Ki, 250 µg/h: an accelerometer that has not warmed up yet."""
 UNITS = {
@@ -68,15 +65,9 @@ UNITS = {
     KI_T: "V/g/degC",
 }
 """Of nuisance terms; those of drift are in V."""
-DRIFT = "drift "
 ROUNDS = 8
 LARGE_RAD = 3e-4
 """The square of such an angle is 0.05 µV at 1 V/g."""
-
-
-def stacked(terms: Terms, rows: int) -> Array:
-    """Return the columns of terms as (rows, m)."""
-    return np.column_stack([np.empty((rows, 0)), *terms.values()])
 
 
 def slow_terms(rows: Rows, max_order: int) -> dict[str, Array]:
@@ -105,21 +96,6 @@ def separable(fixed: Array, terms: Terms, kept: Mask) -> dict[str, Array]:
     return {name: terms[name] for n, name in enumerate(terms) if n in taken}
 
 
-def candidates(fixed: Array, terms: Terms, kept: Mask) -> list[list[str]]:
-    """Return the names of the slow terms of each model that may be.
-
-    Every order of drift with no temperature term, with K0_T, and with K0_T and Ki_T; only with both
-    where the temperature changed by more than `WARMED_K`. `fixed` (rows, k) are the columns that
-    are always there; only `kept` rows count.
-    """
-    warm = [name for name in terms if not name.startswith(DRIFT)]
-    drift = [name for name in terms if name.startswith(DRIFT)]
-    left = int(kept.sum()) - fixed.shape[1] - len(warm)
-    sure = left >= FEWEST_LEFT and has_warmed(terms, kept)
-    heads = [warm] if sure or not warm else [[], warm[:1], warm]
-    return [[*head, *drift[:order]] for head in heads for order in range(len(drift) + 1)]
-
-
 def chosen(
     fixed: Array, data: Array, terms: Terms, kept: Mask, root_weight: Array
 ) -> dict[str, Array]:
@@ -145,28 +121,6 @@ def chosen(
     drift = [name for name in terms if name.startswith(DRIFT)]
     order = sum(name in drift for name in best)
     return {name: terms[name] for name in (*best, *drift[order : order + bool(order)])}
-
-
-def likelihoods(
-    squares: Sequence[float], models: Sequence[Sequence[str]], count: int, free: int
-) -> Array:
-    """Return how likely each of the `candidates` is by the squares it left of `count` rows.
-
-    `free` are the degrees of freedom that the largest leaves. A linear drift costs what Akaike's
-    criterion asks: most coefficients of a plan in the published order resemble one. Other terms
-    cost what they cost where one is chosen.
-    """
-    linear = np.array([f"{DRIFT}1" in model for model in models])
-    others = np.array([len(model) for model in models]) - linear
-    charge = CHARGE * np.log(count) * count / max(free, 1)
-    criterion = max(free, 1) * np.log(squares) + AKAIKE * linear + charge * others
-    share = np.exp(-0.5 * (criterion - criterion.min()))
-    return np.asarray(share / share.sum())
-
-
-def has_warmed(terms: Terms, kept: Mask) -> bool:
-    """Return whether the temperature of the kept rows changed by more than `WARMED_K`."""
-    return K0_T in terms and float(np.ptp(terms[K0_T][kept])) > WARMED_K
 
 
 def folded(columns: Array, alignment: Array, taken: Sequence[int]) -> dict[str, Array]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.estimation.orthogonal import independent_of, solve_by_qr
+from procedures.estimation.slow_terms import FEWEST_LEFT
 from station.findings import combination_text
 from station.report.numbers import format_number
 
@@ -25,7 +26,7 @@ from .model import (
     listed,
     model_columns,
 )
-from .nuisances import FEWEST_LEFT, INDEPENDENT_PART, MOUNTING_RAD, folded
+from .nuisances import INDEPENDENT_PART, MOUNTING_RAD, folded
 from .parameters import AccelerometerParameters
 
 Array = NDArray[np.float64]

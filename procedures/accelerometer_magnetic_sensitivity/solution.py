@@ -19,6 +19,7 @@ from procedures.estimation.orthogonal import (
     solve_square,
     thin_qr,
 )
+from procedures.estimation.slow_terms import DRIFT, apart, candidates, likelihoods, stacked
 
 from .causes import causes_to_try, known_causes, placed_step, rests_on_one, with_doubt
 from .dataset import Rows
@@ -26,17 +27,13 @@ from .model import model_columns
 from .nuisances import (
     ANGLES,
     ARCSEC_PER_RAD,
-    DRIFT,
     ENCODER_JUMP,
     JUMP,
     ROUNDS,
     TurnedModel,
-    candidates,
     chosen,
-    likelihoods,
     separable,
     slow_terms,
-    stacked,
 )
 from .parameters import AnalysisSettings
 from .solved import FEWEST_OF_A_GROUP, Solution, Solved, misfit, uneven, with_misfit
@@ -190,10 +187,8 @@ def _solve(
 def averaged(solved: Solved, rows: Rows) -> Solved:
     """Return the average of the solutions with each of the candidates of temperature and drift.
 
-    Each weighs by exp(-IC/2), and the covariance holds how far they lie apart: a drift too small to
-    be chosen may be large against the noise of a coefficient that resembles it. Of the terms those
-    are named that more likely are there than not. The average is that of Burnham and Anderson,
-    Model Selection and Multimodel Inference, 2002, section 4.3.
+    Each weighs by exp(-IC/2), and the covariance holds how far they lie apart. Of the terms those
+    are named that more likely are there than not.
     """
     first, usable, kept = solved.solution, solved.usable, solved.solution.kept
     count, still = int(kept.sum()), solved.design.shape[1] - solved.slow.shape[1]
@@ -221,9 +216,8 @@ def averaged(solved: Solved, rows: Rows) -> Solved:
         covariances.append(variance * back @ back.T + moved @ moved.T)
     share = likelihoods(squares, models, count, count - max(map(len, places)))
     mean = np.einsum("n,nij->ij", share, each)
-    apart = np.array(each)[:, :, 0] - mean[:, 0]
     covariance = np.einsum("n,nij->ij", share, covariances)
-    covariance += np.einsum("n,ni,nj->ij", share, apart, apart)
+    covariance += apart(share, np.array(each)[:, :, 0])
     factor = np.where(np.isin(names, ANGLES), ARCSEC_PER_RAD, 1.0) / scale
     # An angle is what the design was turned by, and what is left of it.
     turned = np.where(np.isin(names[:still], ANGLES), first.coefficients[:still], 0.0)

@@ -11,9 +11,10 @@ from scipy.special import fdtrc
 
 from procedures.estimation.alternatives import FEWEST_LEFT, Alternative
 from procedures.estimation.orthogonal import MAD_TO_SIGMA
+from procedures.estimation.slow_terms import Terms
 
 from .dataset import AccelerometerDataset, Rows
-from .nuisances import ENCODER_JUMP, JUMP, Terms, TurnedModel
+from .nuisances import ENCODER_JUMP, JUMP, TurnedModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

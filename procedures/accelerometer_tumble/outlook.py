@@ -56,7 +56,7 @@ def expected_u(parameters: TumbleParameters) -> tuple[Terms, Array]:
     model = dataset.columns[:, [COEFFICIENTS.index(name) for name in terms]]
     every = np.ones(len(model), dtype=bool)
     beside = beside_model(dataset, parameters.scale_factor_V_per_g)
-    parts = Parts(dataset.output_V, every, model, {}, beside)
+    parts = Parts(dataset.output_V, every, model, {}, {}, beside)
     design, _ = parts.system(parameters.reading_noise_V / np.sqrt(parameters.readings))
     size = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv(design / size, rcond=1e-12) / size[:, None]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -16,6 +15,15 @@ from procedures.estimation.orthogonal import (
     keep_inliers,
 )
 from procedures.estimation.sine import legendre_columns
+from procedures.estimation.slow_terms import (
+    DRIFT,
+    K0_T,
+    KI_T,
+    Terms,
+    apart,
+    candidates,
+    likelihoods,
+)
 
 from .causes import alternatives_of, scores_of
 from .dataset import AnalysisSettings, Mask, TumbleDataset
@@ -49,14 +57,20 @@ class Beside:
 class Parts:
     """What the output (n,) is made of: the model's columns, slow ones by name, what is beside.
 
-    Only rows `inside` (n,) count.
+    Only rows `inside` (n,) count. The `slow` terms are some of the `usable` ones, which the rows
+    tell from the model.
     """
 
     output: Array
     inside: Mask
     model: Array
-    slow: Mapping[str, Array]
+    slow: Terms
+    usable: Terms
     beside: Beside
+
+    def with_slow(self, names: Iterable[str]) -> Parts:
+        """Return these parts with some of the usable slow terms."""
+        return replace(self, slow={name: self.usable[name] for name in names})
 
     @property
     def design(self) -> Array:
@@ -148,7 +162,7 @@ def beside_model(dataset: TumbleDataset, scale: float) -> Beside:
     return Beside(shaped, prior_rad, encoder)
 
 
-def slow_columns(dataset: TumbleDataset, order: int, model: Array) -> dict[str, Array]:
+def slow_columns(dataset: TumbleDataset, order: int, model: Array) -> Terms:
     """Return drift to an order and the temperature terms that the model (n, k) does not hold.
 
     All but that of Ki have zero mean.
@@ -157,10 +171,10 @@ def slow_columns(dataset: TumbleDataset, order: int, model: Array) -> dict[str, 
     columns: dict[str, Array] = {}
     if order:
         shapes = legendre_columns(time_s, order, time_s[0], time_s[-1])[:, 1:]
-        columns = {f"drift {n + 1}": own - own.mean() for n, own in enumerate(shapes.T)}
+        columns = {f"{DRIFT}{n + 1}": own - own.mean() for n, own in enumerate(shapes.T)}
     if dataset.temperature_degC is not None:
         off_K = dataset.temperature_degC - float(np.mean(dataset.temperature_degC))
-        columns |= {"K0_T": off_K - off_K.mean(), "Ki_T": off_K * dataset.columns[:, 1]}
+        columns |= {K0_T: off_K - off_K.mean(), KI_T: off_K * dataset.columns[:, 1]}
     if not columns:
         return {}
     own_part = independent_of(model, np.column_stack([*columns.values()]), OWN_PART)
@@ -206,13 +220,14 @@ def solve(
     squares = [solution.freedom * solution.sigma_V**2 for solution in solutions]
     values = information(squares, [solution.price for solution in solutions], len(model))
     best = solutions[int(np.argmin(values))]
-    u = np.sqrt(np.diag(best.covariance))
+    mean = averaged(best)
+    u = np.sqrt(np.diag(mean.covariance))
     moved = farthest(values, [solution.value for solution in solutions], u)
     if best.cause is None:
         of_best = best, best.kept, True
         moved = moved + doubt(*system(*of_best), rated(*of_best), u)
     added = np.outer(moved, moved)
-    return replace(best, covariance=best.covariance + added, noise=best.noise + added)
+    return replace(mean, covariance=mean.covariance + added, noise=mean.noise + added)
 
 
 def _solve(
@@ -238,28 +253,70 @@ def _solve(
         first = np.linalg.lstsq(full[inside], output[inside], rcond=None)[0]
     if np.mean(~inside) > MAX_WILD:
         inside = np.ones(rows, dtype=bool)
-    parts = _chosen(Parts(output, inside, model, slow, beside))
+    parts = _chosen(Parts(output, inside, model, slow, slow, beside))
     return weighted(parts, kept, cause)
+
+
+def _models(parts: Parts) -> list[Parts]:
+    """Return the parts with each choice of slow terms that may be."""
+    models = candidates(parts.model, parts.usable, parts.inside)
+    return [parts.with_slow(names) for names in models]
 
 
 def _chosen(parts: Parts) -> Parts:
     """Return parts with the slow terms that the information criterion asks for.
 
-    These are an order of the drift, K0_T, Ki_T.
+    With these wild readings and causes are looked for; results are an average of all that may be.
     """
-    drift = [name for name in parts.slow if name.startswith("drift")]
-    warm = [name for name in parts.slow if not name.startswith("drift")]
-    sigma_V = weighted(parts, (), None).sigma_V
-    subsets, squares = [], []
-    for order, *used in product(range(len(drift) + 1), *[(False, True)] * len(warm)):
-        names = [*drift[:order], *(name for name, use in zip(warm, used, strict=True) if use)]
-        subsets.append(replace(parts, slow={name: parts.slow[name] for name in names}))
-        whole, data = subsets[-1].system(sigma_V)
+    subsets = _models(parts)
+    squares = _squares_V2(subsets, weighted(parts, (), None).sigma_V)
+    counts = [len(subset.slow) for subset in subsets]
+    return subsets[choose_by_information(squares, counts, int(parts.inside.sum()))]
+
+
+def _squares_V2(subsets: Sequence[Parts], sigma_V: float) -> list[float]:
+    """Return what each leaves of the readings and of the priors, squared, with one noise."""
+    squares = []
+    for subset in subsets:
+        whole, data = subset.system(sigma_V)
         scale = np.linalg.norm(whole, axis=0)
         rest = data - (whole / scale) @ np.linalg.lstsq(whole / scale, data, rcond=None)[0]
         squares.append(float(rest @ rest) * sigma_V**2)
-    counts = [len(subset.slow) for subset in subsets]
-    return subsets[choose_by_information(squares, counts, int(parts.inside.sum()))]
+    return squares
+
+
+def averaged(best: Solution) -> Solution:
+    """Return the average of the solutions with each choice of slow terms, as likely as each is.
+
+    The covariance holds how far they lie apart. Those terms are named that the criterion asks for.
+    """
+    subsets = _models(best.parts)
+    solutions = [weighted(subset, best.names, best.cause) for subset in subsets]
+    largest = max(solutions, key=lambda solution: len(solution.slow))
+    squares = _squares_V2(subsets, largest.sigma_V)
+    names, count = [list(subset.slow) for subset in subsets], int(best.kept.sum())
+    share = likelihoods(squares, names, count, round(largest.freedom))
+
+    def mean(of: Callable[[Solution], Array | float]) -> Array:
+        return np.asarray(np.tensordot(share, [of(solution) for solution in solutions], axes=1))
+
+    by_prior = mean(lambda solution: solution.by_prior)
+    noise = mean(lambda solution: solution.noise)
+    noise = noise + apart(share, np.array([solution.value for solution in solutions]))
+    slow = mean(lambda solution: np.array([solution.slow.get(name, 0.0) for name in best.slow]))
+    return replace(
+        best,
+        value=mean(lambda solution: solution.value),
+        covariance=noise + by_prior @ by_prior.T,
+        noise=noise,
+        by_prior=by_prior,
+        freedom=float(mean(lambda solution: solution.freedom)),
+        sigma_V=float(np.sqrt(mean(lambda solution: solution.sigma_V**2))),
+        residual_V=mean(lambda solution: solution.residual_V),
+        slow=dict(zip(best.slow, slow.tolist(), strict=True)),
+        beside=mean(lambda solution: solution.beside),
+        cause_terms=mean(lambda solution: solution.cause_terms),
+    )
 
 
 def weighted(parts: Parts, kept: tuple[str, ...], cause: Alternative | None) -> Solution:

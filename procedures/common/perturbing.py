@@ -1,9 +1,12 @@
-"""What trials of an analysis do to data alike: columns and axes moved or scaled, noise drawn."""
+"""What trials of an analysis do to data alike: columns and axes moved or scaled, noise drawn.
+
+And what an input moves by its perturbation, where no formula says so.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from procedures.estimation.direction import LATITUDE
+from station.findings import Estimate, Trials
 
 
 def scaled(data: Any, part: float, *, column: str) -> Any:
@@ -44,3 +48,20 @@ def of_directions(axes: Iterable[str]) -> dict[str, Callable[[Any, float], Any]]
 def _turned(dataset: Any, off_rad: float, *, axis: str, angle: str) -> Any:
     turned = shifted(dataset.directions[axis], off_rad, column=angle)
     return replace(dataset, directions={**dataset.directions, axis: turned})
+
+
+def with_slopes(
+    estimates: Sequence[Estimate], trials: Trials, u: dict[str, float]
+) -> Iterator[Estimate]:
+    """Yield estimates with their derivatives by inputs, each moved by its `u` up and down."""
+    moved = {}
+    for name, size in u.items():
+        change = trials.perturbed[name]
+        moved[name] = [trials.analyse(change(trials.dataset, by)) for by in (size, -size)]
+    for place, estimate in enumerate(estimates):
+        slopes = dict(estimate.sensitivities)
+        for name, size in u.items():
+            above, below = (analysis.estimates[place].value for analysis in moved[name])
+            if above is not None and below is not None:
+                slopes[name] = (above - below) / (2.0 * size)
+        yield replace(estimate, sensitivities=slopes)

@@ -33,7 +33,15 @@ def findings_of(planes: tuple[str, ...], angles: int) -> Findings:
 
 
 @pytest.mark.parametrize(
-    "planes, angles", [(("io", "ip"), 9), (("io",), 4), (("op",), 9), (("level",), 4)]
+    "planes, angles",
+    [
+        (("io", "ip"), 9),
+        (("io",), 4),
+        (("op",), 9),
+        (("level",), 4),
+        (("io", "op"), 9),
+        (("ip", "op"), 12),
+    ],
 )
 def test_each_input_does_to_the_data_what_its_sensitivity_says(
     planes: tuple[str, ...], angles: int

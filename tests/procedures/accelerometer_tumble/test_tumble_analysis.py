@@ -83,3 +83,14 @@ def test_a_run_that_ended_early_has_no_results_and_a_flag(rows: int) -> None:
     analysis = analyse(readings.only(np.arange(len(readings.time_s)) < rows))
     assert "not-identifiable" in codes(analysis)
     assert analysis.estimate("Kpp").value is None
+
+
+def test_a_temperature_term_too_small_to_choose_is_in_the_uncertainty() -> None:
+    stage = Stage(mountings=FOUR[:3], positions=8, warms_K=0.05)
+    off = []
+    for seed in range(40):
+        estimate = analyse(made(np.random.default_rng((seed, 7)), stage)).estimate("Koo")
+        assert estimate.value is not None and estimate.standard_uncertainty is not None
+        u = np.hypot(estimate.standard_uncertainty, estimate.sensitivities["encoder"])
+        off.append((estimate.value - QUARTZ["Koo"]) / u)
+    assert np.mean(np.square(off)) < 1.5
