@@ -16,7 +16,7 @@ from procedures.estimation.folding import Terms
 from procedures.estimation.frozen import repeated_windows
 from procedures.estimation.orthogonal import independent_of
 from procedures.estimation.plausibility import GRAVITY_G, OUTPUT_V, Bounds, implausible
-from procedures.estimation.readings import Reading, Remainder, named, shifted, suiting
+from procedures.estimation.readings import Reading, Remainder, named, scaled, shifted, suiting
 from procedures.estimation.saturation import at_a_limit
 from station.findings import Estimate, Flag, combination_text, contradiction
 
@@ -130,7 +130,7 @@ def misread_flags(
 
 
 def _readings(dataset: TumbleDataset) -> list[Sequence[Reading[TumbleDataset]]]:
-    """Return what laboratories mix up: rows of the output, plane or reversal of a mounting."""
+    """Return what laboratories mix up: rows of the output; plane, reversal, head of a mounting."""
     late = [
         Reading(
             f"the outputs stand {rows} row(s) too late"
@@ -152,7 +152,11 @@ def _readings(dataset: TumbleDataset) -> list[Sequence[Reading[TumbleDataset]]]:
         for number in range(int(dataset.mounting[-1]) + 1)
         for column, change in CALLED_OTHERWISE.items()
     ]
-    return [late, called]
+    heads = [
+        Reading("`head_deg` is of the other sense", scaled(("head_rad",), -1.0), "head_deg"),
+        Reading("`theta_deg` holds `head_deg` already", scaled(("head_rad",), 0.0), "head_deg"),
+    ]
+    return [late, called, heads if dataset.head_rad.any() else []]
 
 
 def _in_other_plane(number: int, dataset: TumbleDataset) -> TumbleDataset:

@@ -22,6 +22,8 @@ SETTINGS = AnalysisSettings()
 MIN_RANGE_DEGC = 2.0
 FAR = 1e9
 """Standard deviations beyond which a row is wild before there is a solution: none is."""
+SPANS = 20.0
+"""Of nine tenths of the rows: a row so far from their middle is of no gyro, whatever the curve."""
 MAX_ROUNDS = 3
 
 
@@ -140,6 +142,7 @@ def _solved(
     if refused or not enough or float(np.ptp(setting.temperature)) < MIN_RANGE_DEGC:
         return screened, rate, None
     setting = replace(setting, step=screened.step)
+    rate = _filled(_begun(screened).on_grid(index))
     fit = fit_bias(rate, setting)
     good, good_before = screened.good, np.ones(len(rate), dtype=bool)
     around = screened
@@ -154,6 +157,16 @@ def _solved(
         rate = fit.fitted + _filled(on_grid)
         fit = fit_bias(rate, setting)
     return replace(screened, wild=around.wild, beyond=beyond), rate, fit
+
+
+def _begun(screened: Screened) -> Screened:
+    """Return an output without the rows that would bend the first solution beyond use.
+
+    A board that stood still counts what it missed into one row.
+    """
+    low, middle, high = np.quantile(screened.there, (0.05, 0.5, 0.95))
+    far = np.abs(screened.values - middle) > SPANS * (high - low + screened.step)
+    return replace(screened, wild=screened.wild | far)
 
 
 def _filled(values: Array) -> Array:

@@ -553,10 +553,10 @@ def result_flags(
 
 
 def _prior(dataset: TemperatureDataset, axis: str, fit: BiasFit) -> list[Flag]:
-    """Return the flag of a lag that stands on what was stated beforehand."""
+    """Return the flag of a lag that stands on what was stated beforehand, on 0 s always."""
     prior = dataset.sensor_lag_prior_s
     _, u = fit.value_of("lag")
-    if dataset.gyro_degC is None or not prior or u < 0.7 * prior:
+    if dataset.gyro_degC is None or u < 0.7 * prior:
         return []
     sentence = (
         f"The lag of the sensor of {axis} rests on the stated {prior:g} s: the curve is nearly a "

@@ -218,6 +218,7 @@ def analyse(
             "--monte-carlo",
             metavar="N",
             min=100,
+            max=1_000_000,
             help="Propagate the budget through the whole analysis by so many trials.",
         ),
     ] = None,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bad_input_files import here
 from command_line import station
 from places import DATA
 from trials import in_this_process, tried
@@ -158,6 +159,16 @@ def test_what_has_no_trials_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path
         refuse_without_all("tcp://nobody:1", None)
     refuse_without_all("tcp://nobody:1", None, 100)
     assert by_trials(None, 1, None) is None
+
+
+@pytest.mark.parametrize("trials", ["0", "-3", "99", "1000000000"])
+def test_a_number_of_trials_that_says_nothing_or_never_ends_is_refused(
+    trials: str, tmp_path: Path
+) -> None:
+    done = here(["analyse", str(DATA / "rlg-one-axis"), "--monte-carlo", trials], tmp_path)
+    assert done.returncode == 2
+    assert "--monte-carlo" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_same_seed_gives_the_same_bytes_whoever_does_the_trials(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tumble_records import FOUR, QUARTZ, Stage, made
+from tumble_records import FOUR, QUARTZ, Stage, changed, made
 
 from procedures.accelerometer_tumble.analysis import TumbleAnalysis, analyse
 
@@ -94,3 +94,18 @@ def test_a_temperature_term_too_small_to_choose_is_in_the_uncertainty() -> None:
         u = np.hypot(estimate.standard_uncertainty, estimate.sensitivities["encoder"])
         off.append((estimate.value - QUARTZ["Koo"]) / u)
     assert np.mean(np.square(off)) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("factor", "meant"),
+    [(-1.0, "`head_deg` is of the other sense"), (0.0, "`theta_deg` holds `head_deg` already")],
+)
+def test_a_head_that_means_something_else_is_named(factor: float, meant: str) -> None:
+    readings = made(np.random.default_rng(3), Stage(mountings=(*FOUR, *HEAD)))
+    more = (1.0 - factor) * readings.head_rad
+    angles = {name: getattr(readings, name) + more for name in ("commanded_rad", "encoder_rad")}
+    analysis = analyse(changed(readings, **angles))
+    (flag,) = [flag for flag in analysis.flags if flag.code == "contradicts-statement"]
+    assert flag.details["statement"] == "head_deg"
+    assert meant in flag.message
+    assert all(one.value is None for one in analysis.estimates)

@@ -99,6 +99,27 @@ def test_one_wild_thermometer_row_moves_nothing(gyro: Gyro) -> None:
                 assert abs(one.value - before.value) < 0.2 * before.standard_uncertainty, result
 
 
+def test_what_a_board_that_stood_still_missed_is_not_taken_for_the_curve() -> None:
+    gyro = Gyro()
+    dataset = record(gyro, 7)
+    clean = estimates(analyse(dataset))
+    rate = dataset.rate_deg_per_h.copy()
+    rate[500:530], rate[530] = 0.0, rate[500:531].sum(axis=0)
+    analysis = analyse(replace(dataset, rate_deg_per_h=rate))
+    assert codes(analysis) == {"outliers-rejected", "overload"}
+    for name, one in estimates(analysis).items():
+        before = clean[name]
+        assert one.value is not None and before.value is not None
+        assert before.standard_uncertainty is not None
+        assert abs(one.value - before.value) < 2.0 * before.standard_uncertainty, name
+
+
+def test_a_lag_that_is_stated_to_be_none_is_said_to_rest_on_that() -> None:
+    sure = replace(record(Gyro(), 7), sensor_lag_prior_s=0.0)
+    (flag,) = [flag for flag in analyse(sure).flags if flag.code == "lag-by-prior"]
+    assert flag.details["prior_s"] == 0.0
+
+
 def test_a_set_point_that_stands_while_the_chamber_moves_is_named() -> None:
     dataset = record(Gyro(), 7)
     assert "contradicts-statement" not in codes(analyse(dataset))
