@@ -58,6 +58,8 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.record=60 ms",
         "parameters.depolarise.duration=2 s",
         "parameters.nulling.rounds=1",
+        "parameters.heating_rate=20 degC/min",
+        "parameters.stability.duration=20 s",
     ),
     "fog-scale-factor-temperature": (
         "parameters.outside_published_range=true",

@@ -99,9 +99,11 @@ The turns of a table can be counted at these speeds on a busy computer, too."""
 
 SHORTER: Mapping[str, tuple[str, ...]] = {
     "fog-scale-factor-temperature": ("parameters.warm_up.at_most=10 min",),
+    "serf-nonorthogonality": ("parameters.cell_temperature=null",),
 }
 """What bounds the waits of a plan further than its short form: a resumed run may wait in vain for
-the temperature at which it was interrupted, and goes on then."""
+the temperature at which it was interrupted, and goes on then. The cell of a served bench is warm
+already, so that step 1 would be over long before a moment that is drawn of it."""
 
 
 @dataclass(frozen=True)
