@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from procedures.estimation.direction import LATITUDE
 from station.findings import Estimate, Trials
 
 
@@ -35,18 +34,16 @@ def drawn_size(degrees_of_freedom: float, random: np.random.Generator) -> float:
 
 
 def of_directions(axes: Iterable[str]) -> dict[str, Callable[[Any, float], Any]]:
-    """Return what the inputs of gyros at rest do: where they stand, and where their axes point."""
-    changes: dict[str, Callable[[Any, float], Any]] = {
-        LATITUDE: partial(shifted, column="latitude_rad")
+    """Return what the angles of the input axes of a dataset do, by their names among the inputs."""
+    return {
+        f"{angle}_{axis}": partial(_turned, axis=axis, column=f"{angle}_rad")
+        for axis in axes
+        for angle in ("azimuth", "elevation")
     }
-    for axis in axes:
-        for angle in ("azimuth", "elevation"):
-            changes[f"{angle}_{axis}"] = partial(_turned, axis=axis, angle=f"{angle}_rad")
-    return changes
 
 
-def _turned(dataset: Any, off_rad: float, *, axis: str, angle: str) -> Any:
-    turned = shifted(dataset.directions[axis], off_rad, column=angle)
+def _turned(dataset: Any, off_rad: float, *, axis: str, column: str) -> Any:
+    turned = shifted(dataset.directions[axis], off_rad, column=column)
     return replace(dataset, directions={**dataset.directions, axis: turned})
 
 

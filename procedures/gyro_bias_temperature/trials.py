@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from procedures.common.perturbing import of_directions, scaled
+from procedures.common.perturbing import of_directions, scaled, shifted
+from procedures.estimation.direction import LATITUDE
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
 from procedures.estimation.rate_spectrum import in_time, noise_variances
@@ -33,6 +34,7 @@ def trials_of(
         {
             CLOCK: _clock,
             PULSE: partial(scaled, column="rate_deg_per_h"),
+            LATITUDE: partial(shifted, column="latitude_rad"),
             **of_directions(dataset.directions),
         },
     )

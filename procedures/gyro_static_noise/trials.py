@@ -14,7 +14,8 @@ from functools import partial
 import numpy as np
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.common.perturbing import of_directions
+from procedures.common.perturbing import of_directions, shifted
+from procedures.estimation.direction import LATITUDE
 from procedures.estimation.noise import grid_index
 from procedures.estimation.rate_spectrum import allan_terms, in_time, noise_variances
 from station.findings import Trials
@@ -129,7 +130,8 @@ Change = Callable[[StaticDataset, float], StaticDataset]
 
 def perturbed(axes: Sequence[str]) -> Mapping[str, Change]:
     """Return what each input does to the data."""
-    return {"clock": _clock, "pulse_weight": _pulse, **of_directions(axes)}
+    moved = partial(shifted, column="latitude_rad")
+    return {"clock": _clock, "pulse_weight": _pulse, LATITUDE: moved, **of_directions(axes)}
 
 
 def _scaled(dataset: StaticDataset, factor: float, slower: float = 1.0) -> StaticDataset:
