@@ -1,9 +1,9 @@
 """Errors of a navigated drive of fibre-optic gyros, and what their uncertainties are worth.
 
-    python benchmarks/fog_navigation.py [--runs 60] [--case NAME]
+    python benchmarks/fog_navigation.py [--runs 60] [--case NAME] [--store]
 
-Seeds are 0 .. runs-1 of each case. One JSON object per case on standard output: of the sizes of
-position and velocity errors, without and with compensation, the true one, the mean standard
+Seeds are 0 .. runs-1 of each case. One JSON object per case and result on standard output, the sizes
+of position and velocity errors, without and with compensation: the true one, the mean standard
 uncertainty, root mean square error over u, and coverage of the 95 % interval. Each drive has biases
 as large as stated, noise, and a curve of turns of its own; true errors are those of the drive
 without both, none with compensation.
@@ -11,6 +11,7 @@ without both, none with compensation.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from dataclasses import dataclass, replace
@@ -24,7 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
-from cases import Scored, Trial, print_cases, scored, summary
+from cases import Scored, Trial, scored, summary
+from figures import Figures
 from fog_records import CURVES, record
 from navigated_example import drive_of
 from simulated_journey import simulated_journey
@@ -93,10 +95,10 @@ def trial(case: Case, seed: int) -> tuple[Trial, dict[str, float]]:
     )
     turns = record(seed, axes=AXES, gyro_bias_deg_per_h=case.gyro_bias_deg_per_h)
     dataset = replace(turns, drive=drive)
-    stated = {ACCELEROMETER_BIAS: case.accelerometer_bias_ug}
+    push_u = case.accelerometer_bias_ug
+    inputs = [InputQuantity(ACCELEROMETER_BIAS, "each", push_u, "ug", "the case")]
     analysis = analyse(dataset)
-    findings = to_findings(analysis, dataset, [], "the case", stated)
-    inputs = [InputQuantity(name, name, u, "1", "the case") for name, u in stated.items()]
+    findings = to_findings(analysis, dataset, [], "the case", inputs)
     results: dict[str, Scored] = {}
     u: dict[str, float] = {}
     whole = combine(findings.estimates, [*findings.inputs, *inputs])
@@ -109,8 +111,8 @@ def trial(case: Case, seed: int) -> tuple[Trial, dict[str, float]]:
     return Trial(results, frozenset(flag.code for flag in analysis.flags)), u
 
 
-def measure(case: Case, runs: int) -> dict[str, object]:
-    """Run one case and summarise it."""
+def measure(case: Case, runs: int) -> dict[str, dict[str, object]]:
+    """Run one case and summarise each of its results."""
     trials = [trial(case, seed) for seed in range(runs)]
     return {
         name: {
@@ -122,5 +124,17 @@ def measure(case: Case, runs: int) -> dict[str, object]:
     }
 
 
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Errors of a navigated drive.")
+    parser.add_argument("--runs", type=int, default=60)
+    parser.add_argument("--case", default="", help="only the cases whose name contains this")
+    figures = Figures(parser)
+    options = figures.parse()
+    for case in CASES:
+        if options.case in case.name:
+            for name, line in measure(case, options.runs).items():
+                figures.line(f"{case.name}, {name}", **line)
+
+
 if __name__ == "__main__":
-    print_cases("Errors of a navigated drive.", CASES, measure, runs=60)
+    main()

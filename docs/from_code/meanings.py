@@ -286,6 +286,16 @@ PARAMETERS = {
         "drive.latitude": "where it was, north positive; that of the table unless given",
         "drive.initial_heading": "heading at its start; without it the vehicle is taken to be "
         "level on average",
+        "drive.initial_pitch": "and pitch; navigation to position and velocity needs all three",
+        "drive.initial_roll": "and roll",
+        "drive.initial_heading_uncertainty": "its standard uncertainty; not stated unless given",
+        "drive.initial_level_uncertainty": "of pitch and roll, each; not stated unless given",
+        "drive.accelerometer_bias": "specification of each accelerometer, a standard uncertainty; "
+        "not stated unless given",
+        "drive.reference": "CSV file of the trajectory that it truly took, likewise; with specific "
+        "force in the drive it is navigated to position and velocity",
+        "drive.reference_position_uncertainty": "of the reference's positions, each, a standard "
+        "uncertainty; not stated unless given",
         "thresholds": "where a flag is raised",
         "thresholds.gap": "in nominal intervals between sets",
         "thresholds.model_too_stiff": "correlation of residuals at neighbouring temperatures",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ from .flags import WIDE
 from .following import NAVIGATOR, ROOM_DEGC, TABLE
 from .from_import import Conditions, dataset_of_import
 from .navigation import ACCELEROMETER_BIAS, FIX, HEADING, LEVEL, NAMES, RUNS
-from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, FogParameters
+from .parameters import PUBLISHED_SOAK_H, AnalysisSettings, Departure, FogParameters
 from .solution import AxisFit
 from .trials import LATITUDE, trials_of
 from .verification import Driven, Verified
@@ -59,8 +59,11 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     trials = trials_of(analysis, dataset, partial(_tried, settings=settings(parameters)))
     warmth = bench.stated_input((NAVIGATOR, "temperature", ROOM_DEGC, "degC"), WARMTH, ABOUT_WARMTH)
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
-    findings = to_findings(analysis, dataset, flags, "specification in the plan")
-    inputs = [*findings.inputs, *table_inputs(bench), *warmth, latitude_input(None)]
+    more: list[InputQuantity] = []
+    if analysis.navigated is not None and parameters.drive is not None:
+        more = drive_inputs(parameters.drive, "the plan")
+    findings = to_findings(analysis, dataset, flags, "specification in the plan", more)
+    inputs = [*findings.inputs, *table_inputs(bench), *warmth, latitude_input(None), *more]
     return replace(findings, inputs=inputs, trials=trials)
 
 
@@ -81,10 +84,9 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     if conditions.soak_s is not None and not low <= conditions.soak_s / 3600.0 <= high:
         soak_h = conditions.soak_s / 3600.0
         flags.append(outside_flag(f"a soak of {soak_h:g} h (published {low:g} h to {high:g} h)"))
-    more = [] if analysis.navigated is None else drive_inputs(conditions)
-    stated = {quantity.name: quantity.standard_uncertainty or 0.0 for quantity in more}
+    more = [] if analysis.navigated is None else drive_inputs(conditions, CONDITIONS)
     source = "condition gyro_bias, a specification"
-    findings = to_findings(analysis, dataset, flags, source, stated)
+    findings = to_findings(analysis, dataset, flags, source, more)
     warmth = InputQuantity.if_stated(
         WARMTH, ABOUT_WARMTH, conditions.thermometer_uncertainty_degC, "degC", CONDITIONS
     )
@@ -99,7 +101,7 @@ def _tried(dataset: FogDataset, settings: AnalysisSettings) -> Analysis:
     return Analysis(findings.estimates, findings.published, findings.flags)
 
 
-def drive_inputs(conditions: Conditions) -> list[InputQuantity]:
+def drive_inputs(conditions: Departure, source: str) -> list[InputQuantity]:
     """Return how well the rest of a navigated drive is known."""
     rows = (
         (ACCELEROMETER_BIAS, "bias of each accelerometer", conditions.accelerometer_bias_ug, "ug"),
@@ -122,7 +124,7 @@ def drive_inputs(conditions: Conditions) -> list[InputQuantity]:
             "mm",
         ),
     )
-    return [InputQuantity.if_stated(*row, CONDITIONS) for row in rows]
+    return [InputQuantity.if_stated(*row, source) for row in rows]
 
 
 def latitude_input(u_arcmin: float | None) -> InputQuantity:
@@ -155,11 +157,11 @@ def to_findings(
     dataset: FogDataset,
     flags: list[Flag],
     source: str,
-    stated: Mapping[str, float] | None = None,
+    stated: Sequence[InputQuantity] = (),
 ) -> Findings:
     """Return an analysis in the station's own terms; `source` says where the bias comes from.
 
-    `stated` has standard uncertainties of what a navigated drive depends on.
+    `stated` are further inputs, on which a navigated drive depends.
     """
     estimates: list[Estimate] = []
     published: list[Published] = []
@@ -188,7 +190,8 @@ def to_findings(
         _verified(verified, analysis.fits[axis]) for axis, verified in analysis.verified.items()
     ]
     estimates += _driven(analysis.driven, dataset.drive, analysis.fits.get("z"))
-    known = {**(stated or {}), BIAS: dataset.gyro_bias_deg_per_h or 0.0}
+    known = {quantity.name: quantity.standard_uncertainty or 0.0 for quantity in stated}
+    known[BIAS] = dataset.gyro_bias_deg_per_h or 0.0
     known |= {f"{CHECKS}_{axis}": 1.0 for axis in analysis.fits}
     estimates += _navigated(analysis, dataset.drive, known)
     inputs = []

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,12 +10,12 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from station.dataset_reading import Table, check_ascending, read_table, refuse
-from station.fields import Celsius, Degree, Second, StrictModel, Unit
+from station.fields import Celsius, Degree, Second, Unit
 from station.files.faults import Fault, FaultList
 from station.files.lookup import find
 
 from .dataset import AXES, Array, Drive, FogDataset, Trajectory, TurnTable
-from .parameters import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC, FogParameters
+from .parameters import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC, Departure, FogParameters
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -33,13 +32,13 @@ DRIVE_COLUMNS = (
 SPECIFIC_FORCE = tuple(f"specific_force_{axis}_m_per_s2" for axis in AXES)
 VELOCITY = tuple(f"velocity_{direction}_m_per_s" for direction in ("north", "east", "down"))
 REFERENCE_COLUMNS = ("t_s", "latitude_deg", "longitude_deg", "height_m", *VELOCITY)
-PLACE = "inputs/drive.csv"
-"""Where a run folder keeps the drive, byte by byte as it was when the run began."""
+PLACE, REFERENCE_PLACE = "inputs/drive.csv", "inputs/reference.csv"
+"""Where a run folder keeps the drive and its reference, byte by byte as they were at its start."""
 FEWEST_FIXES, MAX_LATITUDE_DEG = 4, 89.0
 DRIVES, SUFFIX = "drives", ".csv"
 
 
-class Conditions(StrictModel):
+class Conditions(Departure):
     """The conditions of a dataset of turns over temperature."""
 
     attitude_output: Literal["heading", "heading-pitch-roll"]
@@ -57,13 +56,6 @@ class Conditions(StrictModel):
     thermometer_uncertainty_degC: Annotated[float, Unit("degC", True), Field(ge=0)] | None = None
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
     latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
-    initial_heading_deg: Degree | None = None
-    initial_pitch_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
-    initial_roll_deg: Degree | None = None
-    initial_heading_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
-    initial_level_uncertainty_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0)] | None = None
-    accelerometer_bias_ug: Annotated[float, Unit("ug"), Field(ge=0)] | None = None
-    reference_position_uncertainty_mm: Annotated[float, Unit("mm"), Field(ge=0)] | None = None
 
     @field_validator("temperature_range_degC")
     @classmethod
@@ -90,13 +82,8 @@ def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
         if conditions.latitude_deg is None:
             what = "is missing: a drive turns with the earth, whose rate depends on it"
             raise FaultList([raw.document.fault(("conditions", "latitude"), what)])
-        drive = read_drive(raw.file(DRIVE), conditions.latitude_deg, conditions.initial_heading_deg)
-        drive = replace(
-            drive,
-            first_pitch_deg=conditions.initial_pitch_deg,
-            first_roll_deg=conditions.initial_roll_deg,
-            reference=read_trajectory(raw.file(REFERENCE)) if REFERENCE in raw.files else None,
-        )
+        reference = raw.file(REFERENCE) if REFERENCE in raw.files else None
+        drive = read_drive(raw.file(DRIVE), reference, conditions.latitude_deg, conditions)
     return FogDataset(
         turns=turns,
         turn_sense=conditions.turn_sense,
@@ -115,14 +102,16 @@ def dataset_of_import(raw: RawDataset, conditions: Conditions) -> FogDataset:
 
 
 def inputs(parameters: FogParameters) -> dict[str, Path]:
-    """Return the file that the plan names, by its place in a run; FaultList where there is none."""
-    if parameters.drive is None:
+    """Return the files that the plan names, by place in a run; FaultList where there is none."""
+    test = parameters.drive
+    if test is None:
         return {}
-    return {PLACE: find(DRIVES, parameters.drive.file, SUFFIX)}
+    names = {PLACE: test.file, REFERENCE_PLACE: test.reference}
+    return {place: find(DRIVES, name, SUFFIX) for place, name in names.items() if name is not None}
 
 
-def drive_in(path: Path, parameters: FogParameters) -> Drive | None:
-    """Return the drive in a file by what the plan says of it, None where the plan names none.
+def drive_in(files: Mapping[str, Path], parameters: FogParameters) -> Drive | None:
+    """Return the drive in files, by place, with what the plan says of it, None where it names none.
 
     FaultList names file, row and reason.
     """
@@ -130,7 +119,8 @@ def drive_in(path: Path, parameters: FogParameters) -> Drive | None:
     if test is None:
         return None
     latitude_deg = parameters.latitude_deg if test.latitude_deg is None else test.latitude_deg
-    return read_drive(path, latitude_deg, test.initial_heading_deg)
+    reference = None if test.reference is None else files[REFERENCE_PLACE]
+    return read_drive(files[PLACE], reference, latitude_deg, test)
 
 
 def read_turns(raw: RawDataset, name: str, full_attitude: bool) -> TurnTable:
@@ -161,8 +151,8 @@ def read_turns(raw: RawDataset, name: str, full_attitude: bool) -> TurnTable:
     )
 
 
-def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None) -> Drive:
-    """Return the drive in a CSV file; FaultList names file, row and reason."""
+def read_drive(path: Path, reference: Path | None, latitude_deg: float, began: Departure) -> Drive:
+    """Return the drive in a CSV file, and its reference; FaultList names file, row and reason."""
     table = read_table(path, DRIVE_COLUMNS, (REFERENCE_HEADING, *SPECIFIC_FORCE))
     lacking = [name for name in SPECIFIC_FORCE if name not in table]
     if 0 < len(lacking) < len(SPECIFIC_FORCE):
@@ -178,9 +168,12 @@ def read_drive(path: Path, latitude_deg: float, first_heading_deg: float | None)
         temperature_degC=np.column_stack([table[f"temperature_{axis}_degC"] for axis in AXES]),
         latitude_deg=latitude_deg,
         heading_deg=table.get(REFERENCE_HEADING),
-        first_heading_deg=first_heading_deg or 0.0,
-        first_heading_known=first_heading_deg is not None,
+        first_heading_deg=began.initial_heading_deg or 0.0,
+        first_heading_known=began.initial_heading_deg is not None,
+        first_pitch_deg=began.initial_pitch_deg,
+        first_roll_deg=began.initial_roll_deg,
         specific_force_m_per_s2=None if lacking else _side_by_side(table, SPECIFIC_FORCE),
+        reference=None if reference is None else read_trajectory(reference),
     )
 
 

@@ -11,7 +11,7 @@ from station.errors import MissingRows
 
 from .dataset import AXES, FogDataset, TurnTable
 from .following import BETWEEN_TURNS, CHAMBER, NAVIGATOR, PROOF, RAMP
-from .from_import import PLACE, drive_in
+from .from_import import PLACE, REFERENCE_PLACE, drive_in
 from .parameters import FogParameters
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
     """Return all finished turns of a run; those of the verification ramp apart."""
     turns = turn_table(folder, RAMP)
     proof = turn_table(folder, PROOF)
+    files = {place: folder.path / place for place in (PLACE, REFERENCE_PLACE)}
     return FogDataset(
         turns=turns,
         turn_sense="heading",
@@ -44,7 +45,7 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
         initial_order=parameters.initial_order,
         temperature_range_degC=parameters.temperature_range_degC,
         verification=proof if len(proof) else None,
-        drive=drive_in(folder.path / PLACE, parameters),
+        drive=drive_in(files, parameters),
         history=history(folder),
     )
 

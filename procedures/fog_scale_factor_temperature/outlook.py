@@ -26,6 +26,9 @@ TURN_ACCELERATION = ("parameters", "turn_acceleration")
 RESOLUTION = ("parameters", "heading_resolution")
 ASKED = ("parameters", "asked_uncertainty")
 DRIVE = ("parameters", "drive", "file")
+RUNS = ("uncompensated", "compensated")
+ERRORS = ("position_error", "final_position_error", "velocity_error")
+NAVIGATED = tuple(f"{name}_{run}" for name in ERRORS for run in RUNS)
 
 
 @dataclass(frozen=True)
@@ -66,9 +69,10 @@ def measured_axes(parameters: FogParameters) -> Mapping[str, tuple[str, ...]]:
     """Return the axes that a plan measures; of a proof and a drive none where it has none."""
     measured: tuple[str, ...] = parameters.axes
     verified = measured if parameters.verification is not None else ()
-    headings = ("heading_error_uncompensated", "heading_error_compensated")
+    headings, drive = [f"heading_error_{run}" for run in RUNS], parameters.drive
     return {
-        **dict.fromkeys(headings if parameters.drive is None else (), ()),
+        **dict.fromkeys(headings if drive is None else (), ()),
+        **dict.fromkeys(NAVIGATED if drive is None or drive.reference is None else (), ()),
         "scale_factor_error": measured,
         "largest_scale_factor_error": measured,
         "residual_scale_factor_error": verified,
@@ -197,7 +201,6 @@ def drive_problems(parameters: FogParameters) -> Iterator[Problem]:
         yield from (Problem(DRIVE, fault.said) for fault in error.faults)
         return
     try:
-        for path in files.values():
-            drive_in(path, parameters)
+        drive_in(files, parameters)
     except FaultList as error:
         yield from (Problem(DRIVE, str(fault)) for fault in error.faults)

@@ -107,16 +107,28 @@ class Verification(StrictModel):
     ramp_rate_degC_per_h: Annotated[float, Unit("degC/h"), Field(gt=0)] = 12.0
 
 
-class DriveTest(StrictModel):
+class Departure(StrictModel):
+    """How a drive began, and how well all is known by which it is navigated."""
+
+    initial_heading_deg: Degree | None = None
+    initial_pitch_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
+    initial_roll_deg: Degree | None = None
+    initial_heading_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
+    initial_level_uncertainty_arcsec: Annotated[float, Unit("arcsec"), Field(ge=0)] | None = None
+    accelerometer_bias_ug: Annotated[float, Unit("ug"), Field(ge=0)] | None = None
+    reference_position_uncertainty_mm: Annotated[float, Unit("mm"), Field(ge=0)] | None = None
+
+
+class DriveTest(Departure):
     """The vehicle test of step 4: a recorded drive, and where it was.
 
-    `file` is a path, or the name of a drive in `config/drives`. Where `initial_heading` is left out
-    the vehicle is taken to be level on average.
+    `file` and `reference`, its reference trajectory, are paths, or names in `config/drives`. Where
+    `initial_heading` is left out the vehicle is taken to be level on average.
     """
 
     file: Annotated[str, Field(min_length=1)]
+    reference: Annotated[str, Field(min_length=1)] | None = None
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
-    initial_heading_deg: Degree | None = None
 
 
 class Thresholds(StrictModel):

@@ -31,6 +31,7 @@ from procedures.fog_scale_factor_temperature.compensation import (
 from procedures.fog_scale_factor_temperature.curve import Curve
 from procedures.fog_scale_factor_temperature.dataset import FogDataset, TurnTable
 from procedures.fog_scale_factor_temperature.from_import import read_drive
+from procedures.fog_scale_factor_temperature.parameters import Departure
 from procedures.fog_scale_factor_temperature.verification import evaluate_drive, heading_deg
 from station.files.lookup import BENCHES, find
 
@@ -215,7 +216,8 @@ def test_the_drive_that_comes_with_the_station_is_of_the_simulated_benchs_gyros(
     for axis, powers in truth["scale_factor_error_ppm"].items():
         told = gyros["gyros"][axis]["scale_factor_error"]
         assert [float(told[f"u{k}"].removesuffix(" ppm")) for k in range(5)] == powers
-    drive = read_drive(path, 39.9, 25.0)
+    began = Departure.model_validate({"initial_heading": "25 deg"})
+    drive = read_drive(path, None, 39.9, began)
     low, high = truth["temperature_range_degC"]
     curves = {
         axis: replace(curve, domain_degC=(low, high), coefficients_ppm=poly2cheb(powers))

@@ -29,8 +29,8 @@ NAVIGATED = {f"{name}_{run}" for name in NAMES for run in RUNS}
 def made(dataset: FogDataset, **u: float) -> Findings:
     """Return findings with inputs that are stated so."""
     analysis = analyse(dataset)
-    findings = to_findings(analysis, dataset, [], "the test", u)
     stated = [InputQuantity(name, name, own, "1", "the test") for name, own in u.items()]
+    findings = to_findings(analysis, dataset, [], "the test", stated)
     others = [quantity for quantity in findings.inputs if quantity.name not in u]
     trials = trials_of(analysis, dataset, partial(_tried, settings=AnalysisSettings()))
     return replace(findings, inputs=[*others, *stated], trials=trials)

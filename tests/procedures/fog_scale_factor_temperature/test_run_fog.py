@@ -11,21 +11,32 @@ import pytest
 from campaigns.kills import raw_hashes
 from campaigns.truths import fog_curve_ppm
 from fog_runs import short_run
+from places import DATA
 
-from procedures.fog_scale_factor_temperature.from_import import PLACE
+from procedures.fog_scale_factor_temperature.from_import import PLACE, REFERENCE_PLACE
 from station.cli.analysing import analyse_run
-from station.files.lookup import find
 from station.record.folder import RunFolder
 from station.record.layout import covered_files, file_hash
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume
 from station.safety.acknowledgement import acknowledge
 
+FILES = {PLACE: DATA / "fog-drive" / "drive.csv", REFERENCE_PLACE: DATA / "fog-drive/reference.csv"}
+DRIVE = {
+    "file": str(FILES[PLACE]),
+    "reference": str(FILES[REFERENCE_PLACE]),
+    "latitude": "40 deg",
+    "initial_heading": "25 deg",
+    "initial_pitch": "0 deg",
+    "initial_roll": "0 deg",
+    "accelerometer_bias": "5 ug",
+}
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, dict[str, Any]]:
-    """One short run with pairs of turns."""
-    return short_run(tmp_path_factory.mktemp("fog"), seed=3)
+    """One short run with pairs of turns, and a drive with specific force and a reference."""
+    return short_run(tmp_path_factory.mktemp("fog"), seed=3, drive=DRIVE)
 
 
 @pytest.mark.campaign
@@ -65,17 +76,21 @@ def test_the_turns_go_on_until_the_gyros_themselves_are_warm(
     assert min(warmest) > 29.0
 
 
-def test_the_drive_of_the_plan_is_in_the_folder_and_its_heading_in_the_results(
+def test_the_drive_of_the_plan_is_in_the_folder_and_navigated_in_the_results(
     run: tuple[Outcome, dict[str, Any]],
 ) -> None:
     outcome, _ = run
-    copy, shipped = outcome.folder / PLACE, find("drives", "fog-yard-laps", ".csv")
-    assert copy.read_bytes() == shipped.read_bytes()
-    assert covered_files(outcome.folder)[PLACE] == file_hash(shipped)
+    for place, given in FILES.items():
+        assert (outcome.folder / place).read_bytes() == given.read_bytes()
+        assert covered_files(outcome.folder)[place] == file_hash(given)
     results = json.loads((outcome.folder / "results.json").read_text(encoding="utf-8"))
     found = {one["name"]: one for one in results["results"]}
-    assert found["heading_error_uncompensated"]["value"] == pytest.approx(-0.41, abs=0.01)
-    assert found["heading_error_compensated"]["expanded_uncertainty"] > 0.0
+    assert found["heading_error_uncompensated"]["value"] == pytest.approx(-0.151, abs=0.001)
+    assert found["position_error_uncompensated"]["value"] == pytest.approx(7.59, abs=0.01)
+    assert found["velocity_error_uncompensated"]["value"] == pytest.approx(0.0619, abs=0.001)
+    assert found["final_position_error_compensated"]["expanded_uncertainty"] > 0.0
+    budget = {line["quantity"]: line for line in found["position_error_compensated"]["budget"]}
+    assert budget["accelerometer_bias"]["standard_uncertainty"] == 5.0
 
 
 def test_a_new_analysis_gives_the_same_bytes(run: tuple[Outcome, dict[str, Any]]) -> None:
