@@ -523,6 +523,28 @@ INSTRUMENT = {
     **CALIBRATION,
 }
 
+COIL_SYSTEM = {
+    "pairs": "its Helmholtz pairs, by the axis that each stands along",
+    "pairs.NAME.radius": "mean radius of its windings",
+    "pairs.NAME.radius_uncertainty": "standard uncertainty of that",
+    "pairs.NAME.spacing": "distance between the middles of its windings",
+    "pairs.NAME.spacing_uncertainty": "standard uncertainty of that",
+    "probe": "where the sensitive spot of the gaussmeter's probe is in a run",
+    "device": "where the middle of the device is, and its size",
+    **{
+        f"{what}.{axis}": f"from the centre of the coils, towards +{axis}"
+        for what in ("probe", "device")
+        for axis in "xyz"
+    },
+    **{
+        f"{what}.uncertainty": "standard uncertainty of each coordinate"
+        for what in ("probe", "device")
+    },
+    "device.box": "its size as a box, or",
+    **{f"device.box.{axis}": f"edge along {axis}" for axis in "xyz"},
+    "device.sphere": "its diameter as a sphere",
+}
+
 BENCH = {
     "bench": "version of the format",
     "name": "name of the bench",
@@ -548,6 +570,15 @@ BENCH = {
     "interlocks[].period": "how often it is looked at",
     "notify": "who is informed at a prompt and at the end of a run",
     "notify.command": "a program and its arguments, each in its own place of the list; no shell",
+    "coil_geometry": "where coils, probe and device are, for the field at the device by that at "
+    "the probe; see [measure where the probe is](../how-to/measure-where-the-probe-is.md)",
+    "coil_geometry.three_axis": "the three-axis coil, pairs `x`, `y` and `z`",
+    "coil_geometry.dc": "the strong coil, whose only pair `x` has its axis along x of the probe",
+    **{
+        f"coil_geometry.{coil}.{key}": text
+        for coil in ("three_axis", "dc")
+        for key, text in COIL_SYSTEM.items()
+    },
     "commissioned": "figures of the bench's commissioning, written by it",
     "commissioned.date": "the day of the commissioning",
     "commissioned.run": "its run folder",

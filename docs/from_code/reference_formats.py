@@ -73,6 +73,10 @@ RESULT_KEYS = {
     "results[].terms": "the combination that the value really is: coefficients and their shares",
     "results[].conditions": "what the value holds at, such as the temperature",
     "results[].frame": "the axes that an angle is taken from",
+    "results[].field_at_device": "where the bench states `coil_geometry`: by what the measured "
+    "field of the result's coil was multiplied",
+    "results[].field_at_device.ratio": "mean field over the device by that at the probe",
+    "results[].field_at_device.standard_uncertainty": "of the ratio",
     "results[].coil_field": "rlg-magnetic-sensitivity: the measured field of the axis's coil over "
     "the commanded one",
     "results[].coil_field.IA": "its part along IA, in phase with the coil; one or near zero",

@@ -41,7 +41,8 @@ PROCEDURE = Procedure(
         "axis along gravity a sensitivity to the direction of the field and the coupling of field "
         "and acceleration (Kim, Kom, Kpm) have the same columns.",
         "The field is measured beside the accelerometer, whose own magnet disturbs the probe; the "
-        "gaussmeter's record in the bench file covers that only as far as it says so.",
+        "gaussmeter's record in the bench file covers that only as far as it says so. Where the "
+        "bench file states `coil_geometry`, the field at the accelerometer follows from it.",
         "Encoder offset and misalignment of the input axis are fitted wherever the plan separates "
         "them from the coefficients. In one plane they have the same column.",
     ),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.helmholtz import FieldAtDevice
 from station.findings import Analysis
 
 from .model import Identifiability, Names, accelerations, accelerations_by_angle
@@ -47,6 +48,8 @@ class AccelerometerDataset:
     """Local gravity in g; 1 where accelerations are in units of the local g."""
     mounting_rad: float | None = None
     """Standard uncertainty of how the input axis is mounted; None where nobody states it."""
+    at_device: FieldAtDevice | None = None
+    """How the field was taken to the device from the probe; None where it stays as measured."""
 
     def __len__(self) -> int:
         """Return the number of rows."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from procedures.common.homogeneity import at_device, entry
 from procedures.common.inputs import Declared, cosine_u, with_unstated
 from procedures.common.perturbing import with_slopes
 from procedures.common.stage_and_meter import (
@@ -23,22 +24,26 @@ from procedures.common.stage_and_meter import (
     row_of,
     with_overloads,
 )
-from station.findings import Covariance, Findings, InputQuantity, findings_of
+from station.findings import Covariance, Estimate, Findings, InputQuantity, findings_of
 
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
 from .from_import import Conditions, dataset_of_import
 from .measuring import AXIS_COLUMN, FULL_TURN_DEG, GAUSSMETER, T_PER_MT
+from .model import FIELD_POWER
 from .nuisances import KO, KP, MOUNTING_RAD, OFFSET
 from .parameters import AccelerometerParameters, AnalysisSettings, Point
 from .trials import trials_of
 
 if TYPE_CHECKING:
+    from procedures.common.helmholtz import FieldAtDevice
     from station.dataset_reading import RawDataset
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
 GRAVITY, WARMTH, STAGE_ANGLE = "local_gravity", "thermometer_degC", "stage_angle_rad"
+COIL = "x"
+"""The axis of the strong coil, of those of the probe."""
 PROBE, AMBIENT = "probe_cosine", "ambient_field_T"
 INPUTS: Declared = {
     "field_gain": (f"gain of {GAUSSMETER}", "1"),
@@ -90,7 +95,9 @@ def _findings(
 ) -> Findings:
     """Return findings with all inputs, and the covariance of coefficients solved together."""
     analysis = analyse(dataset, limits)
-    inputs = with_unstated([*inputs, *_mounting(analysis, dataset)], INPUTS)
+    analysis = replace(analysis, estimates=tuple(_by_place(analysis, dataset.at_device)))
+    places = () if dataset.at_device is None else dataset.at_device.inputs
+    inputs = with_unstated([*inputs, *_mounting(analysis, dataset), *places], INPUTS)
     keys = tuple((name, None) for name in analysis.identifiability.kept)
     related = Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
     findings, trials = findings_of(analysis, dataset, inputs), trials_of(analysis, dataset, limits)
@@ -99,6 +106,24 @@ def _findings(
         stated = {given.name: given.standard_uncertainty or GRADUATION_RAD for given in inputs}
         estimates = tuple(with_slopes(estimates, trials, {name: stated[name] for name in TURNED}))
     return replace(findings, estimates=estimates, covariance=related, trials=trials)
+
+
+def _by_place(analysis: AccelerometerAnalysis, at: FieldAtDevice | None) -> Iterator[Estimate]:
+    """Yield the estimates; those by the field with its correction, and what they have of that."""
+    for estimate in analysis.estimates:
+        power = FIELD_POWER.get(estimate.name)
+        if at is None or power is None or estimate.value is None:
+            yield estimate
+            continue
+        slopes = {
+            name: -power * estimate.value * float(slope[0])
+            for name, slope in at.by_input(COIL).items()
+        }
+        yield replace(
+            estimate,
+            sensitivities={**estimate.sensitivities, **slopes},
+            extra={**estimate.extra, **entry(at, COIL)},
+        )
 
 
 def settings(parameters: AccelerometerParameters) -> AnalysisSettings:
@@ -116,7 +141,8 @@ def dataset_of_run(
     """Return all finished points of a run, in the order in which they were measured.
 
     Output and field of a point are means over its burst; the calibration corrections of the bench
-    file are applied to all that was read. Readings that say overload are left out where a higher
+    file are applied to all that was read, and the field is that at the device where the bench
+    states the geometry of its coil. Readings that say overload are left out where a higher
     range gave others; a point without a valid field has NaN there, which the analysis rejects and
     lists.
     """
@@ -127,6 +153,9 @@ def dataset_of_run(
     order = np.argsort(time_s, kind="stable")
     ranges = np.array([range_of(folder, point.unit) for point in points])
     _, group = np.unique(ranges, return_inverse=True)
+    device = at_device(bench, "dc")
+    if device is not None:
+        field_T = field_T * device.ratio(COIL)[0]
 
     def commanded(name: str) -> np.ndarray:
         return np.array([getattr(point, name) for point in points])[order]
@@ -141,6 +170,7 @@ def dataset_of_run(
         output_V=output_V[order],
         temperature_degC=temperature_degC[order] if parameters.temperature else None,
         noise_group=group[order],
+        at_device=device,
     )
 
 

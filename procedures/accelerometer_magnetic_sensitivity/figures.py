@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common import homogeneity
 from station.findings import Findings, combination_text
 from station.parts import Part, Table, first_rows
 from station.plots import (
@@ -57,6 +58,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(correlation(analysis))
     if analysis.nuisances or analysis.not_separable:
         parts.append(_nuisances(analysis, dataset))
+    if dataset.at_device is not None:
+        parts.append(homogeneity.table(dataset.at_device))
     if analysis.left_out:
         parts.append(_left_out(analysis, dataset))
     return tuple(parts)

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from procedures.common.helmholtz import FieldAtDevice
 from procedures.common.perturbing import drawn_size, scaled, shifted
 from station.findings import Trials
 
@@ -40,7 +41,7 @@ def trials_of(
         dataset,
         partial(analyse, settings=settings),
         partial(noisy, sigma_V=sigma_V, degrees_of_freedom=freedom),
-        perturbed(ki),
+        perturbed(ki, dataset.at_device),
     )
 
 
@@ -57,12 +58,14 @@ def noisy(
     return replace(dataset, output_V=dataset.output_V + added_V)
 
 
-def perturbed(ki: float) -> Changes:
+def perturbed(ki: float, at: FieldAtDevice | None = None) -> Changes:
     """Return what each input does to the data, `ki` in V/g; the thermometer's is linear.
 
     The temperatures only say where the results hold: all shifted alike, they change no value.
     """
+    places = () if at is None else at.inputs
     return {
+        **{place.name: partial(_elsewhere, name=place.name) for place in places},
         "field_gain": partial(scaled, column="field_T"),
         "probe_cosine": _field_cosine,
         "field_offset_T": partial(shifted, column="field_T"),
@@ -81,6 +84,16 @@ def perturbed(ki: float) -> Changes:
 
 def _field_cosine(dataset: AccelerometerDataset, part: float) -> AccelerometerDataset:
     return replace(dataset, field_T=dataset.field_T / (1.0 + part))
+
+
+def _elsewhere(
+    dataset: AccelerometerDataset, deviation: float, *, name: str
+) -> AccelerometerDataset:
+    """Return the rows with the field at the device where coil, probe and device are elsewhere."""
+    if dataset.at_device is None:
+        return dataset
+    share = float(dataset.at_device.deviating(name, deviation)[0, 0])
+    return replace(dataset, field_T=dataset.field_T * share)
 
 
 def _graduated(

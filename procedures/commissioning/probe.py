@@ -9,14 +9,14 @@ coils nor an exchanged probe hide the place.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
 from station.fields import StrictModel, Unit
-from station.findings import Analysis, Flag, InputQuantity
+from station.findings import Analysis, Flag, InputQuantity, contradiction
 from station.method.commands import CoilOff, CoilOn, FieldRange, SteadyField
 from station.method.duration import on_the_way
 from station.method.run import Run
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from station.instruments.bench import Bench
+    from station.instruments.coil_geometry import Position
     from station.record.folder import RunFolder
 
     Array = NDArray[np.float64]
@@ -59,6 +60,8 @@ SPACING_U = 0.01
 """Relative standard uncertainty of a Helmholtz pair's spacing: windings of some width."""
 MOVE_MM = 80.0
 """A third of a usual coil's radius: the field falls off there by more than its readings' noise."""
+MAX_OFF_U = 3.0
+"""In standard uncertainties of each coordinate: once in a hundred healthy benches."""
 SENSES = {"plus": 1.0, "minus": -1.0}
 N = len(COILS)
 CENTRE, SCALE, RADIUS, SPACING = (slice(N * k, N * (k + 1)) for k in range(4))
@@ -204,6 +207,8 @@ class ProbeDataset:
     placing_u_mm: float
     commanded_mT: float
     device_mm: float
+    stated: Sequence[Position] = ()
+    """Where the bench file has probe and device: the probe is at one of these places here."""
 
 
 @dataclass(frozen=True)
@@ -234,26 +239,14 @@ def dataset(folder: RunFolder, parameters: ProbeParameters, bench: Bench) -> Pro
         parameters.placing_mm,
         parameters.field_mT,
         parameters.device_mm,
+        stated_places(bench),
     )
 
 
-def pair_field(along: Array, across: Array, radius: Array | float, spacing: Array | float) -> Array:
-    """Return a pair's axial field over that at its centre; lengths in one unit, broadcast.
-
-    `spacing` is over the radius. Source: the field of a loop by complete elliptic integrals.
-    """
-    import numpy as np
-    from scipy.special import ellipe, ellipk
-
-    def loop(z: Array, rho: Array) -> Array:
-        near, far = (radius - rho) ** 2 + z**2, (radius + rho) ** 2 + z**2
-        m = 4.0 * radius * rho / far
-        share = (radius**2 - rho**2 - z**2) / near
-        return np.asarray((ellipk(m) + share * ellipe(m)) / np.sqrt(far))
-
-    half = np.asarray(radius * spacing / 2.0)
-    centre = 2.0 * loop(half, np.zeros_like(half))
-    return (loop(along - half, across) + loop(along + half, across)) / centre
+def stated_places(bench: Bench) -> tuple[Position, ...]:
+    """Return the places of probe and device that a bench states; none where it states none."""
+    stated = bench.coil_geometry and bench.coil_geometry.three_axis
+    return (stated.probe, stated.device) if stated else ()
 
 
 def shares_at(point_mm: Array, unknown: Array, normal: Array) -> Array:
@@ -263,9 +256,11 @@ def shares_at(point_mm: Array, unknown: Array, normal: Array) -> Array:
     """
     import numpy as np
 
+    from procedures.common.helmholtz import pair_field
+
     along = point_mm @ normal.T
     across = np.sqrt(np.maximum(np.sum(point_mm**2, axis=-1)[..., None] - along**2, 0.0))
-    return pair_field(along, across, unknown[RADIUS], unknown[SPACING])
+    return pair_field(along, across, unknown[RADIUS], unknown[SPACING])[0]
 
 
 def analyse(data: ProbeDataset, inputs: Sequence[InputQuantity] = ()) -> ProbeFit:
@@ -291,7 +286,31 @@ def analyse(data: ProbeDataset, inputs: Sequence[InputQuantity] = ()) -> ProbeFi
         normal = np.zeros((N, N))
         normal[:, [stands[coil] for coil in np.argsort(strongest)]] = direction * sense
         fits.append(PairsFit.of(data, field_mT, u_mT, normal))
-    return min(fits, key=lambda fit: fit.misfit).figures(data.device_mm)
+    fit = min(fits, key=lambda fit: fit.misfit)
+    result = fit.figures(data.device_mm)
+    if result.flags:  # the place is named already, and not that of a run
+        return result
+    u_mm = np.sqrt(np.diag(fit.covariance)[CENTRE])
+    return replace(result, flags=elsewhere(fit.unknown[CENTRE], u_mm, data.stated))
+
+
+def elsewhere(place_mm: Array, u_mm: Array, stated: Sequence[Position]) -> tuple[Flag, ...]:
+    """Return the flag of a probe that is at no place which the bench states."""
+    import numpy as np
+
+    def off(place: Position) -> float:
+        apart_mm = np.abs(place_mm - place.point_mm)
+        return float(np.max(apart_mm / np.hypot(u_mm, place.uncertainty_mm)))
+
+    if not stated or min(map(off, stated)) <= MAX_OFF_U:
+        return ()
+    where = ", ".join(f"{axis} {mm:+.1f} mm" for axis, mm in zip(COILS, place_mm, strict=True))
+    message = (
+        f"By the coils' fields the probe stands at {where} of their centre: neither the probe nor "
+        "the device is there by `coil_geometry` of the bench file. Measure both places again."
+    )
+    flag = contradiction("coil_geometry.three_axis", message, offset_mm=place_mm.tolist())
+    return (flag,)
 
 
 @dataclass(frozen=True)

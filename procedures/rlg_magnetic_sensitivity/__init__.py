@@ -30,8 +30,9 @@ PROCEDURE = Procedure(
     assumptions=(
         "The probe's axes stand along the coils' normals and the gyro's axes along both; what they "
         "differ is in the results as far as the measured cross components show it.",
-        "The field is measured beside the gyro, not in it; the coil's homogeneity over that "
-        "distance is covered only as far as the gaussmeter's record in the bench file covers it.",
+        "The field is measured beside the gyro, not in it. Where the bench file states "
+        "`coil_geometry`, that at the gyro follows from it; without, the coil's homogeneity is "
+        "covered only as far as the gaussmeter's record in the bench file covers it.",
         "A magnetic shield of the gyro is part of the gyro: the sensitivity is that to the outer "
         "field at the drive frequency.",
         "The sensitivity is signed, positive when the output rises with the field along the "

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.helmholtz import FieldAtDevice
 from station.findings import Estimate
 
 from .dataset import AXES, Array, Mask, Segment
@@ -47,6 +48,21 @@ def slope_by_misalignment(estimate: Estimate, others: Sequence[Estimate]) -> Map
     largest = max(known.values(), default=0.0)
     across = [known.get(axis, largest) for axis in COIL_OF_AXIS if axis != estimate.axis]
     return {MISALIGNMENT: math.hypot(*across)}
+
+
+def slopes_by_place(
+    estimate: Estimate, others: Sequence[Estimate], at: FieldAtDevice | None
+) -> Mapping[str, float]:
+    """Return the derivatives of an estimate by where coils, probe and gyro are.
+
+    A field b that is (1 + E) b makes sensitivities S, all solved together, into S - E' S.
+    """
+    if at is None:
+        return {}
+    values = {other.axis: other.value or 0.0 for other in others}
+    known = np.array([values.get(axis, 0.0) for axis in AXES])
+    slopes = at.by_input(COIL_OF_AXIS[estimate.axis or ""])
+    return {name: -float(slope @ known) for name, slope in slopes.items()}
 
 
 @dataclass(frozen=True)

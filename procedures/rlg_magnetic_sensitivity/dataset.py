@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.helmholtz import FieldAtDevice
 from procedures.estimation.noise import grid_index
 
 from .frequencies import Drive
@@ -95,6 +96,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class RlgDataset:
-    """All segments of one gyro: one per driven axis of a run, or one imported record."""
+    """All segments of one gyro: one per driven axis of a run, or one imported record.
+
+    Their fields are those at the gyro by `at_device`; without it, as they were measured beside it.
+    """
 
     segments: tuple[Segment, ...]
+    at_device: FieldAtDevice | None = None

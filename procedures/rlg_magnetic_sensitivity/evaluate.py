@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.homogeneity import entry
 from procedures.common.inputs import Declared, cosine_u, with_unstated
 from station.findings import (
     Covariance,
@@ -21,12 +22,19 @@ from station.findings import (
 from station.uncertainty import combine
 
 from .analysis import analyse
-from .coils import MISALIGNMENT, PROBE_ANGLE, CoilResponse, coil_responses, slope_by_misalignment
+from .coils import (
+    MISALIGNMENT,
+    PROBE_ANGLE,
+    CoilResponse,
+    coil_responses,
+    slope_by_misalignment,
+    slopes_by_place,
+)
 from .dataset import AXES, METHOD, QUANTITY, UNDRIVEN, UNIT, RlgDataset
 from .fitted import RlgAnalysis
 from .from_import import Conditions, dataset_of_import
 from .from_record import dataset_of_run, field_record, segment_of_unit
-from .parameters import AnalysisSettings, RlgParameters
+from .parameters import COIL_OF_AXIS, AnalysisSettings, RlgParameters
 from .records import GAUSSMETER, GYRO, PlannedRecord, check_of, sensitivity_records
 from .steadiness import Tested, background, flags_of, repeated
 from .trials import trials_of
@@ -64,7 +72,7 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
     ]
     units = [record.unit for record in measured]
     dataset = dataset_of_run(folder, units, parameters, bench)
-    inputs = type_b_inputs(folder, units, parameters, bench)
+    inputs = type_b_inputs(folder, units, parameters, bench) + places(dataset)
     analysis = analyse(dataset, settings(parameters))
     tested = tested_results(folder, parameters, bench, analysis)
     inputs += undriven_inputs(analysis.estimates, settings(parameters))
@@ -137,10 +145,10 @@ def estimates_so_far(
     """Return estimates and type B inputs from finished units and one that is being measured."""
     name, facts = unfinished
     finished = [unit for unit in units if unit in folder.finished_units() and unit != name]
-    before = dataset_of_run(folder, finished, parameters, bench).segments
+    before = dataset_of_run(folder, finished, parameters, bench)
     now = segment_of_unit(folder, name, parameters, bench, facts)
-    dataset = RlgDataset((*before, now))
-    inputs = type_b_inputs(folder, [*finished, name], parameters, bench)
+    dataset = RlgDataset((*before.segments, now), before.at_device)
+    inputs = type_b_inputs(folder, [*finished, name], parameters, bench) + places(dataset)
     analysis = analyse(dataset, settings(parameters))
     return to_findings(analysis, dataset, inputs, []).estimates, inputs
 
@@ -240,6 +248,11 @@ def type_b_inputs(
     return inputs
 
 
+def places(dataset: RlgDataset) -> list[InputQuantity]:
+    """Return where coils, probe and gyro are, as far as the bench states it."""
+    return [] if dataset.at_device is None else [*dataset.at_device.inputs]
+
+
 def time_offset_u_s(folder: RunFolder, unit: str) -> float:
     """Return the standard uncertainty of the field's times against the gyro's, s.
 
@@ -266,9 +279,13 @@ def to_findings(
             sensitivities={
                 **estimate.sensitivities,
                 **slope_by_misalignment(estimate, analysis.estimates),
+                **slopes_by_place(estimate, analysis.estimates, dataset.at_device),
                 PROBE_COSINE: estimate.value or 0.0,
             },
-            extra=extra_of(estimate.axis or "", coils, tested),
+            extra={
+                **extra_of(estimate.axis or "", coils, tested),
+                **entry(dataset.at_device, COIL_OF_AXIS[estimate.axis or ""]),
+            },
         )
         for estimate in analysis.estimates
     ]

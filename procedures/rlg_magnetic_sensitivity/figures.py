@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from procedures.common import homogeneity
 from station.findings import Findings
 from station.parts import Part, Table
 from station.report.numbers import NOTHING, format_number, format_with_uncertainty
@@ -48,6 +49,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(line_table(analysis.lines))
     if detail.coils:
         parts.append(coil_table(detail.coils))
+    if detail.dataset.at_device is not None:
+        parts.append(homogeneity.table(detail.dataset.at_device))
     if detail.tested:
         parts.append(check_table(detail.tested))
     return (*parts, record_table(analysis.segments))

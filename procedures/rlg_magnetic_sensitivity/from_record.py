@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.helmholtz import carried
+from procedures.common.homogeneity import at_device
 from procedures.estimation.alignment import Alignment, align_pieces, unwrapped
 from procedures.estimation.pulses import pulses_of
 
@@ -167,7 +169,8 @@ def segment_of_unit(
 
     The probe's x, y, z stand along the coils' normals, which S1 makes parallel to IA, NA, LA. The
     gaussmeter's calibration corrections of the bench file are applied here; a component that it did
-    not see is zero. `facts` are those of a unit that is not finished yet. A record that is too long
+    not see is zero. Where the bench states its coils' geometry, the field is that at the gyro.
+    `facts` are those of a unit that is not finished yet. A record that is too long
     for the memory is averaged.
     """
     unit = folder.finished_units()[name] if facts is None else facts
@@ -177,13 +180,15 @@ def segment_of_unit(
         axis: Drive(float(sine["frequency_Hz"]), float(sine["amplitude_mT"]))
         for axis, sine in unit["drive"].items()
     }
-    known = field_record(folder, name)
+    known, gyro_place = field_record(folder, name), at_device(bench, "three_axis")
 
     def readings() -> Iterator[tuple[Array, Array]]:
         for rows in folder.pieces(GAUSSMETER, name):
             field_mT = coils.components_T(rows) * MT_PER_T
             field_mT = bench.corrected(GAUSSMETER, "field", field_mT, "mT")
             field_mT[:, known.unseen] = 0.0
+            if gyro_place is not None:
+                field_mT = carried(field_mT, gyro_place.matrix)
             usable = rows["state"] == 0
             time_s = known.aligned.run_time_s(rows["instrument_time_s"]) + shift_s
             yield time_s[usable], field_mT[usable]
@@ -219,4 +224,4 @@ def dataset_of_run(
     segments = [
         segment_of_unit(folder, unit, parameters, bench) for unit in units if unit in finished
     ]
-    return RlgDataset(tuple(segments))
+    return RlgDataset(tuple(segments), at_device(bench, "three_axis"))

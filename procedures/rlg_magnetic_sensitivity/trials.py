@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from procedures.common.helmholtz import FieldAtDevice, carried
 from procedures.common.perturbing import drawn_size, scaled, shifted
 from procedures.estimation.noise import grid_index
 from procedures.estimation.sine import averaging_factor
@@ -42,7 +43,7 @@ def trials_of(analysis: RlgAnalysis, dataset: RlgDataset, settings: AnalysisSett
         dataset,
         partial(analyse, settings=settings),
         partial(noisy, noises=noises),
-        perturbed([lines_of(record) for record in analysis.segments]),
+        perturbed([lines_of(record) for record in analysis.segments], dataset.at_device),
     )
 
 
@@ -102,6 +103,7 @@ def _noisy(segment: Segment, noise: Noise, random: np.random.Generator) -> Segme
 
 def perturbed(
     lines: Sequence[Lines],
+    at_device: FieldAtDevice | None = None,
 ) -> Mapping[str, Callable[[RlgDataset, float], RlgDataset]]:
     """Return what each input does to the data; how the field leans is linear."""
     changes: dict[str, Callable[[RlgDataset, float], RlgDataset]] = {
@@ -112,6 +114,8 @@ def perturbed(
     }
     for own, axis in enumerate(AXES):
         changes[f"{UNDRIVEN}{axis}"] = partial(without_axis, own=own, lines=tuple(lines))
+    for quantity in at_device.inputs if at_device is not None else ():
+        changes[quantity.name] = partial(elsewhere, name=quantity.name)
     return changes
 
 
@@ -119,7 +123,20 @@ def of_segments(
     dataset: RlgDataset, deviation: float, *, change: Callable[[Segment, float], Segment]
 ) -> RlgDataset:
     """Return all records changed alike."""
-    return RlgDataset(tuple(change(segment, deviation) for segment in dataset.segments))
+    segments = tuple(change(segment, deviation) for segment in dataset.segments)
+    return replace(dataset, segments=segments)
+
+
+def elsewhere(dataset: RlgDataset, deviation: float, *, name: str) -> RlgDataset:
+    """Return the records with the field at the gyro where coils, probe and gyro are elsewhere."""
+    if dataset.at_device is None:
+        return dataset
+    matrix = dataset.at_device.deviating(name, deviation)
+
+    def moved(segment: Segment, _: float) -> Segment:
+        return replace(segment, field_mT=carried(segment.field_mT, matrix))
+
+    return of_segments(dataset, deviation, change=moved)
 
 
 def _field_cosine(segment: Segment, part: float) -> Segment:
@@ -146,4 +163,5 @@ def without_axis(
         return replace(segment, rate_deg_per_h=rate)
 
     pairs = zip(dataset.segments, lines, strict=True)
-    return RlgDataset(tuple(without(segment, known) for segment, known in pairs))
+    segments = tuple(without(segment, known) for segment, known in pairs)
+    return replace(dataset, segments=segments)

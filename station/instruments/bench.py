@@ -19,6 +19,7 @@ from station.files.yaml.reading import read_yaml
 from station.findings import InputQuantity
 from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
+from station.instruments.coil_geometry import SUPPLIES, CoilGeometry
 from station.instruments.commissioned import Commissioned
 from station.instruments.laboratory import Laboratory
 from station.roles.base import MAX_DEADLINE_S
@@ -105,6 +106,7 @@ class BenchFile(StrictModel):
     instruments: Annotated[dict[str, Instrument], Field(min_length=1)]
     safe_state: tuple[SafeStep, ...]
     interlocks: tuple[InterlockEntry, ...] = ()
+    coil_geometry: CoilGeometry | None = None
     commissioned: Commissioned | None = None
     notify: Notify | None = None
 
@@ -156,6 +158,11 @@ class Bench(FromDocument):
     def instruments(self) -> Mapping[str, Instrument]:
         """The instruments by instance, in the file's order."""
         return self.file.instruments
+
+    @property
+    def coil_geometry(self) -> CoilGeometry | None:
+        """Where coils, probe and device are; None where the laboratory does not say."""
+        return self.file.coil_geometry
 
     @property
     def commissioned(self) -> Commissioned | None:
@@ -268,6 +275,7 @@ def bench_of(
         for name, entry in instruments.items():
             faults += _instrument_faults(document, name, entry, drivers)
         faults += _safe_state_faults(document, list(instruments))
+        faults += _geometry_faults(document, list(instruments))
         faults += interlock_faults(document, list(instruments))
         if bounded:
             faults += faults_of_use(document)
@@ -331,6 +339,16 @@ def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault
             yield document.fault(where, what, hint and f"'{hint}'")
         elif isinstance(instruments[shared], dict) and instruments[shared].get("shares"):
             yield document.fault(where, f"'{shared}' has no line of its own; name what it shares")
+
+
+def _geometry_faults(document: Document, instances: list[str]) -> Iterator[Fault]:
+    """Yield a fault for the geometry of each coil that no supply of the bench drives."""
+    stated = document.data.get("coil_geometry")
+    for coil in SUPPLIES.keys() & (stated if isinstance(stated, dict) else {}).keys():
+        missing = [name for name in SUPPLIES[coil] if name not in instances]
+        if missing:
+            what = f"this bench has no {listed(missing)}, which drives that coil"
+            yield document.fault(("coil_geometry", coil), what, at_key=True)
 
 
 def _safe_state_faults(document: Document, instances: list[str]) -> Iterator[Fault]:

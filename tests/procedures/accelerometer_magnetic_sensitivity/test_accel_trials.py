@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from accelerometer_records import record
+from shipped import shipped_bench
 from trials import in_this_process, trials_in, tried, with_inputs, wrong_sensitivities
 
 from procedures.accelerometer_magnetic_sensitivity.evaluate import INPUTS, WARMTH, _findings
 from procedures.accelerometer_magnetic_sensitivity.parameters import AnalysisSettings
+from procedures.common.homogeneity import at_device
 from station.findings import Findings
 
 U = {
@@ -49,6 +53,18 @@ def test_each_input_does_to_the_data_what_its_sensitivity_says(
     findings = findings_of(planes, angles)
     leans = {q.name for q in findings.inputs if q.name.startswith("mounting_")}
     assert bool(leans) == (planes == ("level",))
+    assert wrong_sensitivities(findings, findings.inputs) == {}
+
+
+def test_places_of_coil_probe_and_device_do_what_their_sensitivities_say() -> None:
+    at = at_device(shipped_bench(), "dc")
+    assert at is not None
+    dataset = replace(record(3, ("io", "ip"), 9), at_device=at)
+    findings = _findings(dataset, AnalysisSettings(), [])
+    findings = replace(findings, inputs=[*at.inputs])
+    km = next(estimate for estimate in findings.estimates if estimate.name == "Km")
+    assert km.extra["field_at_device"]["ratio"] == at.ratio("x")[0]
+    assert {quantity.name for quantity in at.inputs} <= set(km.sensitivities)
     assert wrong_sensitivities(findings, findings.inputs) == {}
 
 

@@ -8,14 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rlg_records import record
+from shipped import shipped_bench
 from trials import in_this_process, tried, with_inputs, wrong_sensitivities
 
+from procedures.common.homogeneity import at_device
 from procedures.common.inputs import with_unstated
 from procedures.rlg_magnetic_sensitivity.analysis import analyse
 from procedures.rlg_magnetic_sensitivity.dataset import RlgDataset
 from procedures.rlg_magnetic_sensitivity.evaluate import INPUTS, to_findings, undriven_inputs
 from procedures.rlg_magnetic_sensitivity.frequencies import Drive
-from procedures.rlg_magnetic_sensitivity.parameters import AnalysisSettings
+from procedures.rlg_magnetic_sensitivity.parameters import COIL_OF_AXIS, AnalysisSettings
 from procedures.rlg_magnetic_sensitivity.trials import trials_of
 from station.findings import Findings
 from station.uncertainty import combine
@@ -72,6 +74,27 @@ def test_a_wrong_sensitivity_is_named(one_axis: Findings) -> None:
     off = replace(one_axis, estimates=[replace(estimate, sensitivities=wrong)])
     stated = with_inputs(off, **U)
     assert [key[0] for key in wrong_sensitivities(stated, stated.inputs)] == ["field_gain"]
+
+
+def test_places_of_coils_probe_and_gyro_do_what_their_sensitivities_say() -> None:
+    at = at_device(shipped_bench(), "three_axis")
+    assert at is not None
+    off_centre = {name: value for name, (value, _) in at.lengths_mm.items()}
+    off_centre |= {"device_x_mm": 30.0, "device_y_mm": 25.0, "device_z_mm": -20.0}
+    at = replace(at, lengths_mm={name: (value, 1.0) for name, value in off_centre.items()})
+    sensitivity = {"IA": 0.05, "NA": -0.02, "LA": 0.03}
+    segments = [
+        record(6, sensitivity, drive={axis: Drive(0.1, 1.0)}, sigma=1e-9) for axis in sensitivity
+    ]
+    findings = findings_of(RlgDataset(tuple(segments), at))
+    findings = replace(findings, inputs=[*at.inputs])
+    for estimate in findings.estimates:
+        assert (
+            estimate.extra["field_at_device"]["ratio"] == at.ratio(COIL_OF_AXIS[estimate.axis])[0]
+        )
+        rows = {name for name in estimate.sensitivities if name.endswith("_mm")}
+        assert len(rows) == 8
+    assert wrong_sensitivities(findings, findings.inputs) == {}
 
 
 @pytest.mark.parametrize("records", ["one_axis", "two_axes"])
