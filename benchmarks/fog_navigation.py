@@ -2,7 +2,7 @@
 
     python benchmarks/fog_navigation.py [--runs 60] [--case NAME] [--store]
 
-Seeds are 0 .. runs-1 of each case. One JSON object per case and result on standard output, the sizes
+Seeds are 0 .. runs-1 of each case. One JSON object per case and result on standard output, of sizes
 of position and velocity errors, without and with compensation: the true one, the mean standard
 uncertainty, root mean square error over u, and coverage of the 95 % interval. Each drive has biases
 as large as stated, noise, and a curve of turns of its own; true errors are those of the drive
