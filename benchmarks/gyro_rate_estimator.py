@@ -4,7 +4,8 @@
 
 Records are made in the time domain, the analysis is the station's own. The bound is that of
 generalised least squares with noise of known size; several switch-ons have none. One JSON object a
-case; sizes of scale factor, asymmetry and nonlinearity in ppm.
+case; sizes of scale factor, asymmetry and nonlinearity in ppm. The three axes of a nine-axis sensor
+and of a navigator, each up in turn, are analysed one by one: a dataset is one of them.
 """
 
 from __future__ import annotations

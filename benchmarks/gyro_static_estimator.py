@@ -23,10 +23,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 from static_records import (
     DEVICES,
+    TRIADS,
+    UP,
     bound_of_squares,
     measured_squares,
     records,
     stability_deg_per_h,
+    together,
     true_squares,
 )
 
@@ -67,27 +70,42 @@ def trial(device: str, counts: Sequence[int], seed: int) -> Trial:
     """Analyse switch-ons of a device with a ramp of ten u; bounds are those of one switch-on.
 
     The repeatability is that of these switch-ons, slow noise in it; it is known without a counter.
+    Of a sensor and of a navigator it is all three axes.
     """
     gyro, lone = DEVICES[device], len(counts) == 1
     limits = bound_of(device, counts[0]) if lone else np.full(5, np.nan)
     ramp = 10.0 * float(bound_of(device, counts[0])[4])
     made = partial(records, counts=counts, ramp_deg_per_h2=ramp, bias_deg_per_h=BIAS_DEG_PER_H)
-    first = np.random.default_rng((seed, 1)).standard_normal()
-    analysis = analyse(made(np.random.default_rng((seed, 1)), gyro))
-    truth: dict[tuple[str, str | None], float] = {
-        ("rate_ramp", "IA"): ramp,
-        ("bias", "IA"): BIAS_DEG_PER_H + (gyro["switch_on"] * first if lone else 0.0),
-        ("bias_stability", "IA"): stability_deg_per_h(gyro, counts[0], ramp),
-    }
-    if not lone and not gyro["pulse"]:
-        slow = made(np.random.default_rng((seed, 1)), {**gyro, "N": 0.0, "Q": 0.0})
-        means = [float(one.rate_deg_per_h.mean()) for one in slow.records]
-        truth["bias_repeatability", "IA"] = float(np.std(means, ddof=1))
+    axes = TRIADS.get(device, {"IA": UP})
+    gyros, truth = [], dict[tuple[str, str | None], float]()
+    for number, (axis, direction) in enumerate(axes.items()):
+        key = (seed, 1, number) if device in TRIADS else (seed, 1)
+        told = None if device == "navigator" else direction
+        gyros.append(made(np.random.default_rng(key), gyro, direction=told))
+        first = np.random.default_rng(key).standard_normal()
+        truth["rate_ramp", axis] = ramp
+        truth["bias", axis] = BIAS_DEG_PER_H + (gyro["switch_on"] * first if lone else 0.0)
+        truth["bias_stability", axis] = stability_deg_per_h(gyro, counts[0], ramp)
+        if not lone and not gyro["pulse"]:
+            quiet = {**gyro, "N": 0.0, "Q": 0.0}
+            slow = made(np.random.default_rng(key), quiet, direction=told)
+            means = [float(record.rate_deg_per_h.mean()) for record in slow.records]
+            truth["bias_repeatability", axis] = float(np.std(means, ddof=1))
+    analysis = analyse(together(axes, gyros))
     results = of_estimates(analysis.estimates, truth, {"rate_ramp": limits[4]} if lone else {})
-    estimates = {one.name: one for one in analysis.estimates}
-    squares = zip(SQUARES, true_squares(gyro), limits[:4], strict=True)
-    for name, square, limit in squares:
-        results[name] = square_of(estimates[name], name, square, float(limit) if lone else None)
+    for name, square, limit in zip(SQUARES, true_squares(gyro), limits[:4], strict=True):
+        bound = float(limit) if lone else None
+        own = [
+            square_of(estimate, name, square, bound)
+            for estimate in analysis.estimates
+            if estimate.name == name
+        ]
+        results[name] = Scored(
+            np.concatenate([part.error for part in own]),
+            np.concatenate([part.u for part in own]),
+            np.concatenate([part.inside for part in own]),
+            None if bound is None else np.full(len(own), bound),
+        )
     return Trial(results, frozenset(flag.code for flag in analysis.flags))
 
 

@@ -46,11 +46,6 @@ def equal_runs(values: Array | Mask) -> tuple[NDArray[np.int64], NDArray[np.int6
     return starts, np.diff(np.append(starts, len(values)))
 
 
-def longest_run(values: Array) -> int:
-    """Return how many successive values (n,) or rows (n, k) are equal at the most; 0 for none."""
-    return int(equal_runs(values)[1].max())
-
-
 def no_chance(marked: Mask) -> bool:
     """Return whether so many marked rows, (n,), stand in a row as seldom do by chance."""
     starts, lengths = equal_runs(marked)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from procedures.common.constants import FULL_TURN_DEG
 from procedures.common.gyro_source import CABLES, GYRO, NAVIGATOR, Axis, rate_Hz, stop_samples
+from procedures.common.sensing import NeedsChanges
 from procedures.common.switch_ons import POWER, cool, switch_off, unit_of, warm_up
 from station.errors import ConditionNotReached
 from station.method.commands import Power
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate, AxisTo
 from station.method.run import Run
-from station.method.verbs import Recording, axis_of, come_to_rest, keep_row
+from station.method.verbs import axis_of, come_to_rest, keep_row
 from station.procedure import Prompt, Step
 from station.roles import Turntable
 
@@ -176,7 +177,7 @@ def spin(parameters: RateTableParameters, turn: Turn) -> AxisAtRate:
     return AxisAtRate(TURNTABLE, "outer", turn.words, axis, rate, decided_by=decides)
 
 
-class Samples(Recording):
+class Samples(NeedsChanges):
     """The gyro's output of one switch-on, recorded as it comes."""
 
     def __init__(self, run: Run, unit: str, axis: Axis) -> None:

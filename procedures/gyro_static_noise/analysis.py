@@ -142,7 +142,7 @@ def _estimates(dataset: StaticDataset, analysed: AxisAnalysis) -> list[Estimate]
         extra["allan_minimum"] = {"tau_s": minimum.tau_s}
     if len(means):
         lengths_s = analysed.counts * dataset.sample_interval_s
-        by_name["bias"] = bias_of(means, float(lengths_s[0]), theta, *analysed.moving)
+        by_name["bias"] = bias_of(means, float(lengths_s[0]), fit, *analysed.moving)
         by_name["bias_repeatability"] = repeatability_of(means, lengths_s, theta)
         extra["bias_repeatability"] = {"switch_ons": len(means)}
     estimates = []

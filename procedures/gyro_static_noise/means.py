@@ -25,13 +25,14 @@ BY_CHANCE = 0.05
 
 
 def bias_of(
-    means: Array, length_s: float, theta: Array | None, tail: float = 0.0, walked: float = 0.0
+    means: Array, length_s: float, fit: NoiseFit | None, tail: float = 0.0, walked: float = 0.0
 ) -> Measured | None:
     """Return the bias from the means (s,) of the switch-ons.
 
-    Of one switch-on alone u is the model's Allan deviation at its length. `tail` of the warm-up
-    and what the bias has `walked` from the first to all switch-ons, in deg/h, move all means alike,
-    so that their spread does not show them.
+    Of one switch-on alone u is the model's Allan deviation at its length, its walk larger by part
+    of its own u: one that the record does not show moves the mean all the same. `tail` of the
+    warm-up and what the bias has `walked` from the first to all switch-ons, in deg/h, move all
+    means alike, so that their spread does not show them.
     """
     if len(means) > 1:
         scattered = float(np.var(means, ddof=1)) / len(means)
@@ -40,8 +41,9 @@ def bias_of(
         if scattered > 0.0:
             freedom *= (square / scattered) ** 2
         return Measured(float(means.mean()), float(np.sqrt(square)), freedom)
-    if theta is None:
+    if fit is None:
         return None
+    theta = fit.theta + np.array([0.0, 0.0, 0.0, WALK_ALLOWED * fit.u[3]])
     square = float(theta @ allan_terms(length_s)) + tail**2
     return Measured(float(means[0]), float(np.sqrt(square)))
 

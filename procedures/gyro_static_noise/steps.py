@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 from procedures.common.gyro_source import CABLES, Axis, rate_Hz, stop_samples
+from procedures.common.sensing import NeedsChanges
 from procedures.common.switch_ons import POWER, cool, switch_off, unit_of, warm_up
 from station.method.commands import Power
 from station.method.run import Run
-from station.method.verbs import Recording
 from station.procedure import Prompt, Step
 
 from .parameters import StaticParameters
@@ -94,7 +94,7 @@ def switch_on_and_record(run: Run, first_number: int, last_number: int, axis: st
         cool(run, number)
         on_s = warm_up(run, number)
         with run.unit(unit, switch_on=number, on_s=on_s, axis=axis):
-            samples = Recording(run, unit, {parameters.source: rate_Hz(parameters)})
+            samples = NeedsChanges(run, unit, {parameters.source: rate_Hz(parameters)})
             record_s = parameters.lengths_s[number - 1] + LATE_S
             samples.follow(record_s, f"{unit}: the gyro is recorded")
         stop_samples(run)

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import ARCMIN_PER_RAD, FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.gyro_source import IMU
 from procedures.common.inputs import Declared, with_unstated
+from procedures.common.sensing import ACCELEROMETERS, GYROS
 from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import latitude_input
 from procedures.estimation.turn_track import SHORT_S, track
@@ -26,15 +28,7 @@ from .all_axes.stands import OtherAxes, Turned
 from .analysis import USUAL_LIMITS, analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
 from .from_import import Conditions, dataset_of_import
-from .measuring import (
-    ACCELEROMETER_BITS,
-    ACCELEROMETERS,
-    GYRO_BITS,
-    GYROS,
-    IMU,
-    UP_SENSE,
-    pose_limits,
-)
+from .measuring import ACCELEROMETER_BITS, GYRO_BITS, UP_SENSE, pose_limits
 from .outlook import RATE, prior_of
 from .parameters import NineAxisParameters
 from .placing import TURNTABLE

@@ -9,11 +9,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.gyro_source import IMU
+from procedures.common.sensing import ACCELEROMETERS, GYROS, NeedsChanges
 from station.errors import ConditionNotReached, InstrumentError
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate
 from station.method.set_points import Bounded
-from station.method.verbs import Recording, axis_of, come_to_rest, keep_row, look_until
+from station.method.verbs import axis_of, come_to_rest, keep_row, look_until
 from station.roles import Imu, Turntable
 
 from .directions import AXES, PoseLimits, up_of
@@ -33,7 +35,6 @@ if TYPE_CHECKING:
 
     from .dataset import Array
 
-IMU = "imu"
 UP_SENSE = -1.0
 """Rates are positive counter-clockwise seen from above, the table's outer axis turns clockwise."""
 USUAL_ACCELERATION_DEG_PER_S2, SETTLING_S = 50.0, 3.0
@@ -46,14 +47,10 @@ SIGMAS = 3.0
 
 LOOK_S = 2.0
 """Run time between two looks; less where time runs by itself, so that a kill loses little."""
-FROZEN_AFTER_S = 2.0
-"""Noise never gives three gyros and three accelerometers the same values for so long, all six."""
 MOSTLY = 0.5
 GYRO_BITS = {"gyro X": 0, "gyro Y": 1, "gyro Z": 2}
 ACCELEROMETER_BITS = {"accelerometer X": 4, "accelerometer Y": 5, "accelerometer Z": 6}
 """Bits of an output's status that are set while a part is not valid."""
-GYROS = tuple(f"gyro_{axis}_deg_per_s" for axis in "xyz")
-ACCELEROMETERS = tuple(f"accelerometer_{axis}_g" for axis in "xyz")
 FIRST_LOOK_S = 20.0
 """After so long a pose is judged first: a wrong one must not cost the whole static time."""
 MOVING_LOOK_S = 0.5
@@ -66,7 +63,7 @@ TABLE_COLUMNS = {
 }
 
 
-class Sensing(Recording):
+class Sensing(NeedsChanges):
     """The sensor's stream for one unit of work; `stop` it when the unit is done."""
 
     def __init__(self, run: Run, unit: str) -> None:
@@ -75,7 +72,6 @@ class Sensing(Recording):
         self._sensor = run.role(IMU, Imu)
         self._sensor.start(self.rate_Hz)
         self._rows: list[NDArray[Any]] = []
-        self._last: NDArray[Any] | None = None
 
     def follow_to(self, until_s: float, doing: str) -> None:
         """Record until a run time; raises InstrumentError for a sensor that is silent or frozen."""
@@ -88,29 +84,7 @@ class Sensing(Recording):
         came = super().take()
         for rows in came.values():
             self._rows.append(rows)
-            self._need_changes(rows)
         return came
-
-    def _need_changes(self, rows: NDArray[Any]) -> None:
-        """Raise InstrumentError where new outputs, after those before, repeat one set of values."""
-        import numpy as np
-
-        from procedures.estimation.frozen import IN_A_ROW, longest_run
-
-        values = np.column_stack([rows[name] for name in (*GYROS, *ACCELEROMETERS)])
-        if self._last is not None:
-            values = np.concatenate((self._last, values))
-        same = longest_run(values)
-        frozen_after = max(math.ceil(FROZEN_AFTER_S * self.rate_Hz), IN_A_ROW)
-        if same >= frozen_after:
-            raise InstrumentError(
-                IMU,
-                f"record {self.unit}",
-                f"{same} outputs in a row hold the same six rates and specific forces, though "
-                "their counter goes on",
-                "switch it off and on; where it does so again have it looked at",
-            )
-        self._last = values[-frozen_after:]
 
     def means(self, from_s: float) -> tuple[Array, Array]:
         """Return the gyros' means in deg/h and the accelerometers' in g, (3,) each, since a time.

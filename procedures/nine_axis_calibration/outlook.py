@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.gyro_source import IMU
 from station import registry
 from station.procedure import Problem, RecordUse
 from station.report.numbers import format_duration, format_number
@@ -18,7 +19,6 @@ from station.roles.turntable import unnamed_axes
 from .all_axes.outlook import expected_inertial, outlook_of_other_axes
 from .attitude import GyroGain, StaticMeans, solve_biases
 from .dataset import Array, Prior
-from .measuring import IMU
 from .parameters import NineAxisParameters
 from .parameters import Prior as PriorModel
 from .placing import RATES, TURNTABLE

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from static_records import noise
+from static_records import counted, noise
 
 from procedures.estimation.rate_spectrum import covariances
 from procedures.gyro_rate_table.analysis import analyse
@@ -44,6 +44,8 @@ class Gyro:
     record_s: float | None = None
     repeats: int = 1
     rates: tuple[float, ...] = RATES
+    quantum_deg: float = 0.0
+    earth_in_output: bool = True
 
     def departure(self, rate: float) -> float:
         """Return K_i/K0 - 1 in ppm, a wave over the rates and what a cubic output makes of it."""
@@ -61,6 +63,8 @@ CASES = {
     "scale factor drifts": Gyro(drift_ppm=40.0, repeats=3),
     "curved, scale factor drifts": Gyro(cubic_ppm=50.0, drift_ppm=40.0, repeats=3),
     "four switch-ons": Gyro(scatter_ppm=3.0, repeats=4),
+    "nine-axis sensor": Gyro(N=0.012),
+    "navigator": Gyro(N=0.002, K=0.05, quantum_deg=1e-4, earth_in_output=False),
 }
 
 
@@ -82,7 +86,7 @@ class Made:
     truth: dict[str, float]
 
 
-def made(rng: np.random.Generator, one: Gyro) -> Made:
+def made(rng: np.random.Generator, one: Gyro, axis: str = "IA") -> Made:
     """Return records of a gyro whose switch-ons scatter, with 1 s between samples."""
     records: list[Record] = []
     drawn, levels = [], []
@@ -106,7 +110,8 @@ def made(rng: np.random.Generator, one: Gyro) -> Made:
             records.append(record)
             levels.append(level)
             begin, angle = begin + seconds + BETWEEN_S, float(edges[-1])
-    dataset = RateTableDataset(LATITUDE_RAD, 1.0, 0.0, 0.0, tuple(records))
+    dataset = RateTableDataset(LATITUDE_RAD, 1.0, one.quantum_deg, 0.0, tuple(records))
+    dataset = replace(dataset, axis=axis, earth_in_output=one.earth_in_output)
     return Made(dataset, _truth(one, drawn, float(np.mean(levels))))
 
 
@@ -125,14 +130,17 @@ def _record(
     response = scale * (table * (1.0 + one.departure(abs(rate)) / PPM))
     response += scale * one.asymmetry_ppm / PPM / 2.0 * np.abs(table)
     middle = np.radians(0.5 * (edges[1:] + edges[:-1]))
-    level = EARTH_DEG_PER_H * np.cos(LATITUDE_RAD) * np.sin(np.radians(one.axis_off_deg))
-    extra = slow + scale * EARTH_DEG_PER_H * np.sin(LATITUDE_RAD)
+    earth_deg_per_h = EARTH_DEG_PER_H * one.earth_in_output
+    level = earth_deg_per_h * np.cos(LATITUDE_RAD) * np.sin(np.radians(one.axis_off_deg))
+    extra = slow + scale * earth_deg_per_h * np.sin(LATITUDE_RAD)
     extra = extra + level * np.cos(middle) * np.sinc(table / 360.0)
     extra = extra + 60.0 * one.N * rng.standard_normal(count)
     read = edges + one.encoder_deg * rng.standard_normal(count + 1)
     time_s: Array = begin + 0.5 + np.arange(count, dtype=np.float64)
     unsteady = np.abs(table - np.median(table)) > 1e-3
     output: Array = np.asarray(response + extra / 3600.0)
+    if one.quantum_deg:
+        output = counted(output, one.quantum_deg, 1.0, rng.uniform(0.0, one.quantum_deg))
     record = Record(repeat, rate, time_s, output, read[:-1], read[1:], unsteady)
     return record, float(slow.mean())
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,16 @@ DEVICES = {
     "RLG-coarse": {"Q": 0.0, "N": 0.001, "B": 0.003, "K": 0.003, "pulse": 0.4, "switch_on": 0.005},
     "FOG": {"Q": 0.0, "N": 0.005, "B": 0.02, "K": 0.03, "pulse": 0.0, "switch_on": 0.03},
     "MEMS": {"Q": 0.0, "N": 0.15, "B": 0.4, "K": 2.5, "pulse": 0.0, "switch_on": 2.0},
+    "sensor": {"Q": 0.0, "N": 0.012, "B": 0.02, "K": 0.03, "pulse": 0.0, "switch_on": 0.05},
+    "navigator": {"Q": 0.108, "N": 0.002, "B": 0.003, "K": 0.05, "pulse": 0.36, "switch_on": 0.01},
 }
 """Q arcsec, N deg/sqrt(h), B deg/h, K deg/h/sqrt(h), pulse arcsec, switch-on deg/h."""
 UP = Direction(0.0, np.pi / 2.0)
+TRIADS: dict[str, dict[str, Direction]] = {
+    "sensor": {"X": Direction(np.pi / 2.0, 0.0), "Y": Direction(0.0, 0.0), "Z": UP},
+    "navigator": {"X": UP, "Y": UP, "Z": Direction(0.0, -np.pi / 2.0)},
+}
+"""A sensor shows three gyros at once; a navigator each upright in turn, no earth's rate in it."""
 LATITUDE_RAD = float(np.deg2rad(39.9))
 STABILITY_S = 10.0
 LONGER = 4
@@ -66,18 +73,35 @@ def records(
     t0: float = 1.0,
     ramp_deg_per_h2: float = 0.0,
     bias_deg_per_h: float = 0.35,
+    direction: Direction | None = UP,
 ) -> StaticDataset:
-    """Return switch-ons of `counts` samples of a gyro with its input axis up."""
+    """Return switch-ons of `counts` samples of a gyro with its input axis up or as it points.
+
+    Without a direction the earth's rate is not in the output.
+    """
     made = []
+    earth = 0.0 if direction is None else direction.earth_deg_per_h(LATITUDE_RAD)
     for number, count in enumerate(counts, 1):
         time_s = 1800.0 + (np.arange(count) + 0.5) * t0
         own = bias_deg_per_h + device["switch_on"] * rng.standard_normal()
-        rate = noise(rng, device, count, t0) + own + UP.earth_deg_per_h(LATITUDE_RAD)
+        rate = noise(rng, device, count, t0) + own + earth
         rate += ramp_deg_per_h2 * (time_s - time_s.mean()) / 3600.0
         if device["pulse"]:
             rate = counted(rate, device["pulse"], t0, rng.uniform(0.0, device["pulse"]))
         made.append(Record(number, time_s, rate[:, None]))
-    return StaticDataset({"IA": UP}, LATITUDE_RAD, t0, device["pulse"], None, tuple(made))
+    axes = {"IA": direction or UP}
+    told = direction is not None
+    return StaticDataset(axes, LATITUDE_RAD, t0, device["pulse"], None, tuple(made), told)
+
+
+def together(axes: Mapping[str, Direction], gyros: Sequence[StaticDataset]) -> StaticDataset:
+    """Return the records of several gyros at the same times as those of a triad."""
+    switch_ons = zip(*(gyro.records for gyro in gyros), strict=True)
+    records = tuple(
+        replace(own[0], rate_deg_per_h=np.hstack([record.rate_deg_per_h for record in own]))
+        for own in switch_ons
+    )
+    return replace(gyros[0], directions=axes, records=records)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -135,3 +136,14 @@ def test_a_plan_whose_source_does_not_fit_is_refused(
     parameters = {**shipped_plan(f"{NAME}-{source}")["parameters"], **change}
     with pytest.raises(ValidationError, match=what):
         StaticParameters.model_validate(parameters)
+
+
+def test_a_sensor_that_repeats_one_output_ends_the_run(tmp_path: Path) -> None:
+    plan, bench = shipped_plan(f"{NAME}-imu"), shipped_bench()
+    plan["parameters"] |= {**SHORT, "warm_up": "1 min"}
+    plan["limits"] = {}
+    bench["simulation"]["faults"] = [{"instrument": "imu", "fault": "frozen", "at": "5 min"}]
+    outcome = run_of(tmp_path, plan, bench)
+    assert outcome.exit_code == 3
+    assert "hold the same six rates and specific forces" in (outcome.error or "")
+    assert not RunFolder(outcome.folder).finished_units()
