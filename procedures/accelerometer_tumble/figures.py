@@ -85,8 +85,13 @@ def _by_angle(dataset: TumbleDataset, solution: Solution) -> Plot:
         "Output of each mounting, and below what the solution leaves of it. A course that all "
         "mountings share is one of the encoder, or a shape that the model does not have.",
         (
-            Panel(_points(angle, dataset.output_V, dataset), y=Axis("output, V"), legend="beside"),
-            Panel((ZERO, *residual), row=1, x=ANGLE, y=Axis("residual, µV"), legend="beside"),
+            Panel(
+                _points(angle, dataset.output_V, dataset),
+                y=Axis("output, V"),
+                legend="upper right",
+                legend_columns=2,
+            ),
+            Panel((ZERO, *residual), row=1, x=ANGLE, y=Axis("residual, µV"), legend=""),
         ),
         5.0,
         share_x="column",
@@ -99,9 +104,10 @@ def _by_time(dataset: TumbleDataset, solution: Solution) -> Plot:
     residual = _points(hours, MICRO * solution.residual_V, dataset)
     return Plot(
         "Residuals and drift over time",
-        "What the solution leaves, and below what it takes for drift and temperature.",
+        "What the solution leaves, in the colours of the mountings above, and below what it takes "
+        "for drift and temperature.",
         (
-            Panel((ZERO, *residual), y=Axis("residual, µV"), legend="beside"),
+            Panel((ZERO, *residual), y=Axis("residual, µV"), legend=""),
             Panel((ZERO, slow), row=1, x=Axis("time, h"), y=Axis("drift, µV")),
         ),
         5.0,

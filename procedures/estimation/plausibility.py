@@ -31,8 +31,8 @@ def implausible(value: float, bounds: Bounds, axis: str | None = None) -> list[F
     """Return the flag of a value beyond its bounds, or none."""
     if bounds.low <= value <= bounds.high:
         return []
-    text = (
-        f"{bounds.name} is {value:.6g} {bounds.unit}, which is hardly possible: "
-        f"{bounds.low:g} {bounds.unit} to {bounds.high:g} {bounds.unit} are. {bounds.look}"
+    read, low, high = (
+        f"{number:.6g} {bounds.unit}".rstrip() for number in (value, bounds.low, bounds.high)
     )
+    text = f"{bounds.name} is {read}, which is hardly possible: {low} to {high} are. {bounds.look}"
     return [contradiction(bounds.statement, text, axis, value=value)]

@@ -7,6 +7,7 @@ gravity.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -43,6 +44,10 @@ LEAST_ACCELERATION, OFF_G = 0.2, 0.1
 MAX_NAMED = 3
 LATE_SIGMAS, LATE_STEPS = 5.0, 0.2
 LEAST_VELOCITY = 0.5
+REST_M_PER_S, LEAST_REST_S = 0.1, 2.0
+"""Slower, and for so long, a vehicle stands; its accelerometers then show how level it is."""
+OFF_LEVEL_DEG, OFF_GRAVITY = 0.05, 0.005
+"""What accelerometers of navigators do not show by their own errors, in deg and of gravity."""
 RATES, FORCE = "rate_x_deg_per_s", "specific_force_x_m_per_s2"
 
 
@@ -102,15 +107,50 @@ def navigated(
         return None, denied
     offset_s, u_s = _time_offset(done)
     step_s = float(np.median(np.diff(drive.time_s)))
+    rest = _at_rest(drive)
     if abs(offset_s) <= LATE_SIGMAS * u_s or abs(offset_s) <= LATE_STEPS * step_s:
-        return done, []
+        return done, rest
     late_text = (
         f"The drive and its reference are {abs(1000.0 * offset_s):.3g} ms apart in time, "
         f"{abs(offset_s) / step_s:.2g} sample intervals: the time stamps of one of them are not "
         "those of its values. What this makes of position is in u."
     )
     flag = contradiction("t_s", late_text, offset_s=offset_s)
-    return replace(done, offset_s=offset_s), [flag]
+    return replace(done, offset_s=offset_s), [flag, *rest]
+
+
+def _at_rest(drive: Drive) -> list[Flag]:
+    """Return the flag of a first attitude, or a scale, that the force of the first rest denies."""
+    assert drive.specific_force_m_per_s2 is not None and drive.reference is not None
+    inside = covered(drive, drive.reference)
+    time_s = drive.time_s[inside]
+    speed = np.linalg.norm(drive.reference.velocity_m_per_s, axis=1)
+    moves = np.interp(time_s, drive.reference.time_s, speed) > REST_M_PER_S
+    stood = int(np.argmax(moves)) if moves.any() else len(time_s)
+    if stood < 2 or float(np.ptp(time_s[:stood])) < LEAST_REST_S:
+        return []
+    rows = drive.specific_force_m_per_s2[inside][:stood]
+    x, y, z = rows.mean(axis=0)
+    size = math.sqrt(x * x + y * y + z * z)
+    if abs(size - G) > OFF_GRAVITY * G:
+        size_text = (
+            f"At rest the specific force is {size:.4g} m/s^2, and gravity {G:.4g} m/s^2: look at "
+            "the scale of its columns."
+        )
+        return [contradiction(FORCE, size_text)]
+    shown = math.degrees(math.asin(x / size)), math.degrees(math.atan2(-y, -z))
+    stated = drive.first_pitch_deg or 0.0, drive.first_roll_deg or 0.0
+    noise_deg = math.degrees(float(rows.std(axis=0).max()) / math.sqrt(stood) / G)
+    off_deg = [abs(own - said) for own, said in zip(shown, stated, strict=True)]
+    if max(off_deg) <= OFF_LEVEL_DEG + LATE_SIGMAS * noise_deg:
+        return []
+    level_text = (
+        f"At rest the specific force shows a pitch of {shown[0]:.3f} deg and a roll of "
+        f"{shown[1]:.3f} deg, stated are {stated[0]:.3f} deg and {stated[1]:.3f} deg: look at "
+        "these conditions and at the accelerometers. What this makes of position is not in u."
+    )
+    name = "initial_pitch" if off_deg[0] >= off_deg[1] else "initial_roll"
+    return [contradiction(name, level_text)]
 
 
 def _lacking(drive: Drive) -> str:

@@ -88,7 +88,7 @@ def back(run: Run) -> None:
 
 
 STEPS = (
-    Step("1", "Mount the gyro in the chamber, its axis vertical, the door closed", mount),
+    Step("1", "Mount the gyro in the chamber, its axis as stated, the door closed", mount),
     Step("2", "Switch it on at room temperature, let it warm up", switch_on),
     Step("3", "Soaks from low to high, ramps between them, all recorded", soaks),
     Step("4", "Back to room temperature, gyro off", back),

@@ -39,7 +39,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     parts: list[Part] = []
     for analysed in analysis.axes:
         if analysed.fit is not None:
-            parts += [_allan(analysed), _records(analysed, dataset.sample_interval_s)]
+            parts += [_allan(analysed), _records(analysed, dataset)]
         if len(analysed.means):
             parts.append(_switch_ons(analysed, dataset))
     return tuple(parts)
@@ -76,8 +76,10 @@ def _allan(analysed: AxisAnalysis) -> Plot:
     )
 
 
-def _records(analysed: AxisAnalysis, interval_s: float) -> Plot:
+def _records(analysed: AxisAnalysis, dataset: StaticDataset) -> Plot:
     assert analysed.fit is not None
+    interval_s = dataset.sample_interval_s
+    rate = "rate, earth's rate in it, deg/h" if dataset.earth_in_output else "rate, deg/h"
     lines = []
     for piece in analysed.fit.pieces:
         group = max(1, len(piece) // MAX_DOTS)
@@ -92,7 +94,7 @@ def _records(analysed: AxisAnalysis, interval_s: float) -> Plot:
             Panel(
                 tuple(lines),
                 x=Axis("time in the record, h"),
-                y=Axis("rate, earth's rate in it, deg/h"),
+                y=Axis(rate),
             ),
         ),
     )
@@ -105,6 +107,8 @@ def _switch_ons(analysed: AxisAnalysis, dataset: StaticDataset) -> Table:
         for number, (count, mean) in enumerate(zip(analysed.counts, analysed.means, strict=True), 1)
     ]
     sentence = f"Mean of each switch-on, earth's rate of {earth:.4f} deg/h taken off."
+    if not dataset.earth_in_output:
+        sentence = "Mean of each switch-on; the navigator takes the earth's rate off itself."
     return Table(
         f"Switch-ons, {analysed.axis}", sentence, ["switch-on", "samples", "bias, deg/h"], rows
     )

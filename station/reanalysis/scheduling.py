@@ -56,8 +56,8 @@ def refuse_without_packages() -> None:
     for package in ("distributed", "pyarrow"):
         if find_spec(package) is None:
             raise InputError(
-                f"there is no {package}, on which many runs are evaluated; install it with "
-                "`pip install inertial-station[cluster]`"
+                f"there is no {package}, on which many runs, and trials, are evaluated; install it "
+                "with `pip install inertial-station[cluster]`"
             )
 
 

@@ -73,14 +73,18 @@ def format_limit(limit: Limit | None) -> str:
         return NOTHING
     texts = []
     if limit.max_abs is not None:
-        texts.append(f"|value| ≤ {limit.max_abs:g}")
+        texts.append(f"|value| ≤ {_bound(limit.max_abs)}")
     if limit.min is not None and limit.max is not None:
-        texts.append(f"{limit.min:g} … {limit.max:g}")
+        texts.append(f"{_bound(limit.min)} … {_bound(limit.max)}")
     elif limit.min is not None:
-        texts.append(f"≥ {limit.min:g}")
+        texts.append(f"≥ {_bound(limit.min)}")
     elif limit.max is not None:
-        texts.append(f"≤ {limit.max:g}")
+        texts.append(f"≤ {_bound(limit.max)}")
     return ", ".join(texts) or NOTHING
+
+
+def _bound(value: float) -> str:
+    return typeset(f"{value:g}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e"))
 
 
 def format_degrees_of_freedom(value: float | None) -> str:

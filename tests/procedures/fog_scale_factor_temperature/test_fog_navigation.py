@@ -215,6 +215,28 @@ def test_half_a_sample_between_drive_and_reference_is_noticed_and_in_u(
     assert abs(flag.details["offset_s"]) == pytest.approx(0.05, rel=0.25)
 
 
+@pytest.mark.parametrize(
+    ("column", "factor", "offset", "statement"),
+    [
+        ("first_pitch_deg", 1.0, 0.1, "initial_pitch"),
+        ("first_roll_deg", 1.0, -0.1, "initial_roll"),
+        ("specific_force_m_per_s2", 1.01, 0.0, FORCE),
+    ],
+)
+def test_a_level_or_a_scale_that_the_first_rest_denies_is_named(
+    drive: Drive,
+    curves: dict[str, Curve],
+    column: str,
+    factor: float,
+    offset: float,
+    statement: str,
+) -> None:
+    changed: Any = {column: factor * getattr(drive, column) + offset}
+    course, (flag,) = navigated(replace(drive, **changed), curves)
+    assert course is not None
+    assert (flag.code, flag.details["statement"]) == ("contradicts-statement", statement)
+
+
 def test_a_reference_needs_its_drive_and_three_axes_of_specific_force(tmp_path: Path) -> None:
     files = files_of(flawed(0, laps=1))
     alone = "turns: turns.csv, reference: reference.csv"

@@ -1,0 +1,37 @@
+"""Which shipped plan runs on which shipped bench; every other is refused by what it lacks."""
+
+from __future__ import annotations
+
+import pytest
+from places import CONFIG
+
+from station.cli.validating import read_bench_named, read_plan_for
+from station.files.faults import FaultList
+
+PLANS = sorted(path.stem for path in (CONFIG / "plans").glob("*.yaml"))
+ONE_AXIS = r"the gaussmeter \(lakeshore-425\) measures one axis at a time"
+NO_STAGE = "the bench 'sim-alternate' has no rotary_stage, which this plan needs"
+NO_GENERATOR = "the bench 'sim-alternate' has no signal_generator.xy, which this plan needs"
+REFUSED = {
+    "accelerometer-magnetic-sensitivity": NO_STAGE,
+    "accelerometer-magnetic-sensitivity-efficient": NO_STAGE,
+    "accelerometer-tumble": NO_STAGE,
+    "commissioning": NO_STAGE,
+    "rlg-magnetic-sensitivity-go-no-go": ONE_AXIS,
+    "rlg-magnetic-sensitivity-simultaneous": ONE_AXIS,
+    "serf-nonorthogonality": NO_GENERATOR,
+}
+"""On the bench of second models, of which some roles have none."""
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_plan_runs_where_its_roles_are_and_is_refused_by_the_one_that_is_missing(
+    name: str,
+) -> None:
+    read_plan_for(name, read_bench_named("sim"))
+    alternate = read_bench_named("sim-alternate")
+    if name in REFUSED:
+        with pytest.raises(FaultList, match=REFUSED[name]):
+            read_plan_for(name, alternate)
+    else:
+        read_plan_for(name, alternate)
