@@ -448,6 +448,11 @@ PARAMETERS = {
         "without it the magnetometer's scale factors are relative to each other",
         "earth_field.magnitude": "its magnitude",
         "earth_field.inclination": "its angle below the horizon",
+        "magnetometer_in_coil": "the sensor in the three-axis coil at the end, the gaussmeter's "
+        "probe beside it; without it no coil is driven",
+        "magnetometer_in_coil.levels": "fields of each coil, of either sense; zero comes with them",
+        "magnetometer_in_coil.record": "length of each record",
+        "magnetometer_in_coil.settle": "time between a change of the field and its record",
         "static_settle": "time at rest in a position before its record begins",
         "warm_up": "time between switching on and the first record",
         "sample_rate": "samples a second",
@@ -469,6 +474,9 @@ PARAMETERS = {
         "prior.earth_field_inclination": "of `earth_field.inclination`",
         "prior.accelerometer_second_order": "of the accelerometers' second order, where the poses "
         "do not determine it; 0 takes it as none",
+        "prior.gaussmeter_gain": "of the gaussmeter's gain; 0 takes that of its calibration record",
+        "prior.gaussmeter_zero": "of each axis of its probe; 0 takes that of its record",
+        "prior.coil_alignment": "of the sensor's axes to the probe's",
         "pose": "when a position is refused",
         "pose.acceleration": "an accelerometer's mean is further from gravity than this",
         "pose.rate": "a gyro's mean is further from the other positions' than this",

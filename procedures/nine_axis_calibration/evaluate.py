@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
@@ -19,19 +20,23 @@ from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import latitude_input
 from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
-from station.findings import Findings, FlagThresholds, InputQuantity, findings_of
+from station.findings import Analysis, Findings, FlagThresholds, InputQuantity, findings_of
 
 from .all_axes.channels import screened
+from .all_axes.coil import sound_mean
 from .all_axes.reading import other_axes, pose
 from .all_axes.results import OtherResults, prior_rows, results_of, with_rows
-from .all_axes.stands import OtherAxes, Turned
+from .all_axes.stands import CoilRecord, OtherAxes, Turned
 from .analysis import USUAL_LIMITS, analyse
 from .dataset import AXES, Array, Mask, NineAxisDataset, Prior, StaticRecord, TurnRecord
+from .findings import NineAxisAnalysis
 from .from_import import Conditions, dataset_of_import
+from .in_coil import GAUSSMETER
 from .measuring import ACCELEROMETER_BITS, GYRO_BITS, UP_SENSE, pose_limits
 from .outlook import RATE, prior_of
-from .parameters import NineAxisParameters
+from .parameters import COILS, NineAxisParameters
 from .placing import TURNTABLE
+from .trials import Recorded, trials_of
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -40,15 +45,16 @@ if TYPE_CHECKING:
 
 
 PPM = 1e-6
+NT_PER_MT, NT_PER_T = 1e6, 1e9
 INPUTS: Declared = {
     "time_scale": ("rate of the clock of the samples", "1"),
     "encoder_angle_deg": ("angle of the table", "deg"),
 }
 """What the results depend on, beside the priors and the latitude."""
 ARRIVAL = "arrival_time_s"
-POSITION, POSE, TURN = "position", "pose", "rate_deg_per_s"
-"""What the event of a finished unit holds: its position, what points up, or the rate of its turns.
-"""
+POSITION, POSE, TURN, COIL = "position", "pose", "rate_deg_per_s", "coil"
+"""What the event of a finished unit holds: its position, what points up, the rate of its turns, or
+the coil that was driven."""
 MAGNETOMETER = tuple(f"magnetometer_{axis}_nT" for axis in "xyz")
 LATE_S = 0.3
 """Outputs of a record may reach the computer so long after its end."""
@@ -89,8 +95,23 @@ def findings_with(
     **chosen: Any,
 ) -> Findings:
     """Return what the gyros' records say, and those of the other six axes where there are any."""
+    recorded = Recorded(dataset, others)
+    analysis = analysed(recorded, **chosen)
+    findings = findings_of(analysis, dataset, inputs)
+    other_results = analysis.others
+    if others is not None and other_results is not None:
+        findings = with_other_axes(findings, other_results)
+        estimates = with_rows([*findings.estimates], other_results)
+        rows = [*findings.inputs, *prior_rows(others)]
+        findings = replace(findings, estimates=estimates, inputs=rows)
+    return replace(findings, trials=trials_of(analysis, recorded, partial(tried_again, **chosen)))
+
+
+def analysed(recorded: Recorded, **chosen: Any) -> NineAxisAnalysis:
+    """Return the analysis of the gyros with that of the other six axes."""
+    dataset, others = recorded.dataset, recorded.others
     if others is None:
-        return findings_of(analyse(dataset, **chosen), dataset, inputs)
+        return analyse(dataset, **chosen)
     other_results = results_of(others)
     gyros = analyse(dataset, **chosen, inertial=other_results.inertial)
     upright = others
@@ -100,10 +121,16 @@ def findings_with(
     if len(upright.rests) < len(others.rests):
         other_results = results_of(upright)
         gyros = analyse(dataset, **chosen, inertial=other_results.inertial)
-    analysis = replace(gyros, others=other_results)
-    findings = with_other_axes(findings_of(analysis, dataset, inputs), other_results)
-    estimates = with_rows([*findings.estimates], other_results)
-    return replace(findings, estimates=estimates, inputs=[*findings.inputs, *prior_rows(others)])
+    return replace(gyros, others=other_results)
+
+
+def tried_again(recorded: Recorded, **chosen: Any) -> Analysis:
+    """Return what a trial of all records gives, without what the report alone needs."""
+    analysis = analysed(recorded, allan=False, **chosen)
+    findings = findings_of(analysis, recorded.dataset, ())
+    if analysis.others is not None:
+        findings = with_other_axes(findings, analysis.others)
+    return Analysis(findings.estimates, (), ())
 
 
 def standing_as_stated(others: OtherAxes, positions: int, off_g: float) -> OtherAxes:
@@ -189,7 +216,7 @@ def records_of_run(
     folder: RunFolder,
     parameters: NineAxisParameters,
     bench: Bench,
-    kinds: tuple[str, ...] = (POSITION, POSE, TURN),
+    kinds: tuple[str, ...] = (POSITION, POSE, TURN, COIL),
 ) -> tuple[NineAxisDataset, OtherAxes | None]:
     """Return what the gyros are calibrated by, and what the other six axes are."""
     units = [
@@ -201,12 +228,16 @@ def records_of_run(
     limit = sensor.limits.get(RATE) if sensor is not None else None
     interval_s = 1.0 / parameters.sample_rate_Hz
     static, fields, poses, turned = [], [], [], []
+    levels: list[tuple[Array, Array, Array]] = []
     for unit, details in units:
         if TURN in details:
             record = turn_record(folder, unit, details, interval_s, bench)
             turned.append((str(details["axis"]), record))
             continue
         rows, time_s = at_rest(folder, unit, details, interval_s)
+        if COIL in details:
+            levels += level_means(folder, unit, details, magnetometer(rows))
+            continue
         if POSE in details:
             felt = accelerometers(rows), magnetometer(rows)
             poses.append(pose(parameters.prior, str(details[POSE]), time_s, *felt))
@@ -223,10 +254,61 @@ def records_of_run(
         largest_rate_deg_per_s=parameters.range_deg_per_s or limit or np.inf,
     )
     latitude_deg = parameters.latitude_deg
+    coil = coil_record(levels, parameters, bench) if levels else None
     others = other_axes(
-        parameters, latitude_deg, static, fields, turned, poses, None, source="the plan"
+        parameters, latitude_deg, static, fields, turned, poses, coil, source="the plan"
     )
     return dataset, others
+
+
+def level_means(
+    folder: RunFolder, unit: str, details: Mapping[str, Any], output_nT: Array | None
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield what was commanded, read and felt in a field of the coil, means in nT, (3,) each.
+
+    Nothing where the sensor has no magnetometer. Of the gaussmeter's averages the first are left
+    out, which the field's settling may be in.
+    """
+    rows = folder.rows(GAUSSMETER, unit)
+    arrival_s = rows[ARRIVAL]
+    rows = rows[(arrival_s >= details["from_s"] + LATE_S) & (arrival_s <= details["until_s"])]
+    if not len(rows):
+        raise MissingRows(unit, "the gaussmeter said nothing while the field was steady")
+    if output_nT is None:
+        return
+    commanded_nT = (
+        NT_PER_MT
+        * details["field_mT"]
+        * np.array([details[COIL] == coil for coil in COILS], dtype=np.float64)
+    )
+    applied_nT = NT_PER_T * columns(rows, tuple(f"{coil}_T" for coil in COILS))
+    yield commanded_nT, sound_mean(applied_nT), sound_mean(output_nT)
+
+
+def coil_record(
+    levels: Sequence[tuple[Array, Array, Array]], parameters: NineAxisParameters, bench: Bench
+) -> CoilRecord:
+    """Return the fields in the coil; the gaussmeter's record states what the plan does not.
+
+    Of a record the part that grows with the reading is the gain's, the other the zero's.
+    """
+    commanded_nT, applied_nT, output_nT = (np.array(column) for column in zip(*levels, strict=True))
+    prior, largest_nT = parameters.prior, float(np.abs(applied_nT).max())
+    stated = [
+        bench.stated(GAUSSMETER, "field", at_nT / NT_PER_MT, "mT") or (0.0, "")
+        for at_nT in (0.0, largest_nT)
+    ]
+    (zero_nT, _), (whole_nT, source) = ((NT_PER_MT * u_mT, source) for u_mT, source in stated)
+    given = prior.gaussmeter_gain, prior.gaussmeter_zero_nT
+    return CoilRecord(
+        bench.corrected(GAUSSMETER, "field", applied_nT / NT_PER_MT, "mT") * NT_PER_MT,
+        output_nT,
+        given[0] or (whole_nT - zero_nT) / largest_nT,
+        given[1] or zero_nT,
+        math.radians(prior.coil_alignment_deg),
+        commanded_nT,
+        "" if all(given) else source,
+    )
 
 
 def at_rest(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from station.findings import Findings
@@ -26,6 +28,7 @@ from station.report.numbers import NOTHING, format_number, format_with_uncertain
 from station.results import ResultDocument
 
 from .all_axes.spheres import spheres
+from .all_axes.two_ways import Compared
 from .calibration import Correction, correction_of
 from .dataset import AXES, Array, NineAxisDataset
 from .findings import NineAxisAnalysis, StaticSummary
@@ -52,6 +55,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(_gain(analysis))
     if analysis.others is not None:
         parts += spheres(analysis.others)
+        if analysis.others.compared:
+            parts.append(_two_ways(analysis.others.compared))
     correction = correction_of(analysis)
     if correction is not None:
         parts.append(_correction(correction))
@@ -300,4 +305,25 @@ def _rate_residuals(analysis: NineAxisAnalysis) -> Plot:
         tuple(panels),
         3.0,
         gap_x=0.24,
+    )
+
+
+def _two_ways(compared: Sequence[Compared]) -> Table:
+    """Return what turns and coil say of the magnetometer, side by side."""
+    rows = []
+    for own in compared:
+        estimates = (own.of_turns.value, own.of_turns_u), (own.in_coil.value, own.in_coil_u)
+        shown = [" ± ".join(format_with_uncertainty(v or 0.0, u)) for v, u in estimates]
+        name = f"{own.of_turns.name.removeprefix('magnetometer_').replace('_', ' ')}"
+        unit = "" if own.of_turns.unit == "1" else f", {own.of_turns.unit}"
+        last = format_number(own.normalised_error, 2), "yes" if own.agrees else "no"
+        away = " ± ".join(format_with_uncertainty(own.difference, own.u))
+        rows.append([f"{name} {own.of_turns.axis}{unit}", *shown, away, *last])
+    return Table(
+        "Magnetometer by two ways",
+        "By turns in the earth's field, and in the coil with the gaussmeter; standard "
+        "uncertainties. E_n is the difference over twice its standard uncertainty; the ways "
+        "agree unless chance gives a larger difference less than once in a thousand.",
+        ["", "by turns", "in the coil", "difference", "E_n", "agree"],
+        rows,
     )

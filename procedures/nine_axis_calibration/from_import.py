@@ -16,7 +16,6 @@ from station.files.faults import Fault, listed
 from .all_axes.reading import (
     ACCELEROMETERS,
     MAGNETOMETER,
-    DatasetPrior,
     OtherConditions,
     coil_of,
     columns_of,
@@ -29,6 +28,7 @@ from .all_axes.stands import OtherAxes, Rest, Turned, direction
 from .dataset import AXES, Array, NineAxisDataset, StaticRecord, TurnRecord
 from .means import interval_of
 from .outlook import prior_of
+from .parameters import AllAxesPrior
 from .pose import ATTITUDES
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _fields(table: Table) -> Iterator[Array | None]:
         yield None if field is None else field[rows]
 
 
-def _poses(table: Table, prior: DatasetPrior) -> Iterator[Rest]:
+def _poses(table: Table, prior: AllAxesPrior) -> Iterator[Rest]:
     """Yield each pose; a channel that was not recorded is NaN, or None."""
     force, field = columns_of(table, ACCELEROMETERS), columns_of(table, MAGNETOMETER)
     for rows in _stretches(table, ("pose",)):

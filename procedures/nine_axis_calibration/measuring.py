@@ -14,6 +14,7 @@ from procedures.common.sensing import ACCELEROMETERS, GYROS, NeedsChanges
 from station.errors import ConditionNotReached, InstrumentError
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.motion import AxisAtRate
+from station.method.run import NO_ROWS
 from station.method.set_points import Bounded
 from station.method.verbs import axis_of, come_to_rest, keep_row, look_until
 from station.roles import Imu, Turntable
@@ -31,7 +32,7 @@ from .placing import MOVE_S, RATES, STANDS, TURNTABLE, Stand, in_pose, in_positi
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from station.method.run import Run
+    from station.method.run import Rates, Run
 
     from .dataset import Array
 
@@ -64,11 +65,14 @@ TABLE_COLUMNS = {
 
 
 class Sensing(NeedsChanges):
-    """The sensor's stream for one unit of work; `stop` it when the unit is done."""
+    """The sensor's stream for one unit of work; `stop` it when the unit is done.
 
-    def __init__(self, run: Run, unit: str) -> None:
+    `beside` are other sources that are recorded with it, as `rates` has them.
+    """
+
+    def __init__(self, run: Run, unit: str, beside: Rates = NO_ROWS) -> None:
         self.rate_Hz = run.parameters.sample_rate_Hz
-        super().__init__(run, unit, {IMU: self.rate_Hz})
+        super().__init__(run, unit, {IMU: self.rate_Hz, **beside})
         self._sensor = run.role(IMU, Imu)
         self._sensor.start(self.rate_Hz)
         self._rows: list[NDArray[Any]] = []
@@ -82,8 +86,8 @@ class Sensing(NeedsChanges):
     def take(self) -> dict[str, NDArray[Any]]:
         """Record what has come."""
         came = super().take()
-        for rows in came.values():
-            self._rows.append(rows)
+        if IMU in came:
+            self._rows.append(came[IMU])
         return came
 
     def means(self, from_s: float) -> tuple[Array, Array]:

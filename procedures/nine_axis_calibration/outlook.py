@@ -19,7 +19,8 @@ from station.roles.turntable import unnamed_axes
 from .all_axes.outlook import expected_inertial, outlook_of_other_axes
 from .attitude import GyroGain, StaticMeans, solve_biases
 from .dataset import Array, Prior
-from .parameters import NineAxisParameters
+from .in_coil import GAUSSMETER
+from .parameters import COILS, NineAxisParameters
 from .parameters import Prior as PriorModel
 from .placing import RATES, TURNTABLE
 from .pose import EAST_AXIS, earth_rate, expected_rates, gravity_pattern
@@ -27,6 +28,7 @@ from .pose import EAST_AXIS, earth_rate, expected_rates, gravity_pattern
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
 
+IN_COIL = ("parameters", "magnetometer_in_coil")
 TURNED_DOWN = ("parameters", "turned_down_rates")
 RATE = "rate"
 ACCELEROMETER_NOISE_G = 1e-5
@@ -34,8 +36,12 @@ PPM = 1e6
 
 
 def records(parameters: NineAxisParameters, bench: Bench) -> tuple[RecordUse, ...]:
-    """Return what the analysis takes of calibration records: the table's angle."""
-    return (RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg"),)
+    """Return what the analysis takes of calibration records: the table's angle, a coil's field."""
+    angle = RecordUse(TURNTABLE, "angle", FULL_TURN_DEG, "deg")
+    in_coil = parameters.magnetometer_in_coil
+    if in_coil is None:
+        return (angle,)
+    return (angle, RecordUse(GAUSSMETER, "field", max(in_coil.levels_mT), "mT"))
 
 
 def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
@@ -47,6 +53,14 @@ def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:
     if table is not None and parameters.positioning == "table":
         for what in unnamed_axes(TURNTABLE, table.settings):
             yield Problem(("parameters", "positioning"), f"{what}, or take positioning: plate")
+    gaussmeter = bench.instruments.get(GAUSSMETER)
+    if (
+        parameters.magnetometer_in_coil is not None
+        and gaussmeter is not None
+        and registry.load(registry.DRIVERS, gaussmeter.driver).axes < len(COILS)
+    ):
+        what = "the gaussmeter of this bench reads one axis; the magnetometer needs all three"
+        yield Problem(IN_COIL, what)
     sensor = bench.instruments.get(IMU)
     if sensor is None:
         return

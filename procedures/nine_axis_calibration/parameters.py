@@ -26,6 +26,7 @@ MAX_WHOLE_S = 3600
 Angle = Annotated[float, Unit("arcmin"), Field(gt=0, le=600)]
 Gravity = Annotated[float, Unit("g"), Field(ge=0.9, le=1.1)]
 Down = Literal["-X", "-Y", "-Z"]
+COILS = ("x", "y", "z")
 
 
 MAX_READING_S, SHORTEST_READING_S, READINGS = 0.9, 0.05, 50
@@ -94,7 +95,7 @@ class AllAxesPrior(Prior):
     """The prior with what the other six axes need of it.
 
     `edge` is how well a direction between axes is known; the others are those of gravity, of the
-    earth's field and of the accelerometers' second order.
+    earth's field, of the accelerometers' second order and of a gaussmeter beside the sensor.
     """
 
     edge_deg: Annotated[float, Unit("deg"), Field(gt=0, le=90)] = 1.0
@@ -104,16 +105,63 @@ class AllAxesPrior(Prior):
     accelerometer_second_order_ug_per_g2: Annotated[float, Unit("ug/g^2"), Field(ge=0, le=1e6)] = (
         0.0
     )
+    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
+    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
+    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
 
 
 class PlanPrior(AllAxesPrior):
-    """The prior of a plan, with what a marble plate and a nine-axis sensor of this class have."""
+    """The prior of a plan, with what a marble plate and a nine-axis sensor of this class have.
+
+    What is not given of a gaussmeter is what its calibration record states.
+    """
+
+    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.3
 
     heading_arcmin: Angle = 10.0
     relative_heading_arcmin: Angle = 0.5
     tilt_arcmin: Angle = 0.5
     accelerometer_bias_g: Annotated[float, Unit("g"), Field(gt=0, le=0.1)] = 0.001
     clock_ppm: Annotated[float, Unit("ppm"), Field(ge=0, le=1000)] = 1.0
+
+
+class InCoil(StrictModel):
+    """Steady fields of a three-axis coil, one coil after the other: both signs of `levels`, zero.
+
+    `settle` is what a field has before its `record`, in which sensor and gaussmeter are read.
+    """
+
+    levels_mT: tuple[Annotated[float, Unit("mT"), Field(gt=0)], ...] = Field(min_length=1)
+    record_s: Annotated[float, Unit("s"), Field(ge=2, le=3600)] = 20.0
+    settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 2.0
+
+    @field_validator("levels_mT")
+    @classmethod
+    def each_once(cls, levels: tuple[float, ...]) -> tuple[float, ...]:
+        """Refuse a level that stands twice."""
+        return _each_once(levels, "mT")
+
+    @property
+    def fields(self) -> tuple[Level, ...]:
+        """Each coil's fields: zero first, then both signs of each level."""
+        return tuple(
+            Level(coil, field_mT)
+            for coil in COILS
+            for field_mT in (0.0, *(s * level for level in self.levels_mT for s in (1.0, -1.0)))
+        )
+
+
+@dataclass(frozen=True)
+class Level:
+    """One unit of work in the coil: which coil, and its field."""
+
+    coil: str
+    field_mT: float
+
+    @property
+    def unit(self) -> str:
+        """The name of the unit of work, unique in a plan."""
+        return f"coil {self.coil} {1000.0 * self.field_mT:+g} uT"
 
 
 class PoseCheck(StrictModel):
@@ -161,6 +209,7 @@ class NineAxisParameters(StrictModel):
     turned_down_rates_deg_per_s: tuple[Annotated[float, Unit("deg/s"), Field(gt=0)], ...] = (10.0,)
     local_gravity_g: Gravity = 1.0
     earth_field: EarthField | None = None
+    magnetometer_in_coil: InCoil | None = None
     sample_rate_Hz: Annotated[float, Unit("Hz"), Field(ge=1, le=5000)] = 100.0
     table_axis: Annotated[int, Field(ge=1, le=3)] = 1
     angle_random_walk_deg_per_sqrt_h: Annotated[float, Unit("deg/sqrt(h)"), Field(gt=0)] = 0.012
@@ -279,7 +328,13 @@ class NineAxisParameters(StrictModel):
             *(f"position {position}" for position in self.all_positions),
             *(pose_unit(word) for word in self.poses),
             *(turn.unit for turn in self.all_turns),
+            *(level.unit for level in self.coil_fields),
         )
+
+    @property
+    def coil_fields(self) -> tuple[Level, ...]:
+        """The fields in the coil in their order; none where the plan has no coil."""
+        return self.magnetometer_in_coil.fields if self.magnetometer_in_coil else ()
 
 
 def pose_unit(word: str) -> str:
@@ -296,9 +351,11 @@ def _hint(rates: Sequence[float]) -> str:
     return "choose dwell: efficient, which has whole turns at each rate"
 
 
-def _each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
+def _each_once(values: tuple[Any, ...], unit: str = "deg/s") -> tuple[Any, ...]:
     for n, value in enumerate(values):
         number = isinstance(value, float)
         if any(math.isclose(value, v, rel_tol=1e-9) if number else v == value for v in values[:n]):
-            raise ValueError(f"{value:g} deg/s stands twice" if number else f"{value} stands twice")
+            raise ValueError(
+                f"{value:g} {unit} stands twice" if number else f"{value} stands twice"
+            )
     return values

@@ -9,6 +9,7 @@ from station.method.commands import Power
 from station.method.verbs import record_published
 from station.procedure import Step
 
+from .in_coil import measure_in_coil
 from .measuring import measure_at_rest, need_sensor_well, stands_of, turn
 from .parameters import NineAxisParameters
 from .placing import MOUNT_TABLE, ask_to_put, make_table_ready, on_table, place
@@ -25,7 +26,8 @@ def mount(run: Run) -> None:
     missing = [unit for unit in parameters.units if not run.is_finished(unit)]
     if not missing:
         return
-    table = parameters.positioning == "table"
+    coil_only = set(missing) <= {level.unit for level in parameters.coil_fields}
+    table = parameters.positioning == "table" and not coil_only
     if table:
         ask_to_put(run, MOUNT_TABLE)
     elif missing[0] in (stands := stands_of(parameters)):
@@ -66,9 +68,17 @@ def rotate(run: Run) -> None:
 
 
 def scale_factors(run: Run) -> None:
-    """Claim 2: K from the mean outputs and the rates; then the device off."""
+    """Claim 2: K from the mean outputs and the rates; then the device off, unless a coil waits."""
     run.read(partial(say_published, run, "scale_factor"))
-    run.apply(Power(POWER, False))
+    if run.parameters.magnetometer_in_coil is None:
+        run.apply(Power(POWER, False))
+
+
+def coil(run: Run) -> None:
+    """Beside the claims: the magnetometer in the three-axis coil; then the device off."""
+    if run.parameters.magnetometer_in_coil is not None:
+        measure_in_coil(run)
+        run.apply(Power(POWER, False))
 
 
 STEPS = (
@@ -77,6 +87,7 @@ STEPS = (
     Step("1c", "Biases: means of the axes that faced east", biases),
     Step("2a", "Each axis up, N rates in both senses, whole turns", rotate),
     Step("2b", "Scale factors from outputs and rates; then off", scale_factors),
+    Step("2c", "Where the plan says so: the magnetometer in the three-axis coil", coil),
 )
 
 

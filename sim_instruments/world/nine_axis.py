@@ -1,4 +1,5 @@
-"""The world of the nine-axis calibration: a sensor on a north-referenced plate, or on a table."""
+"""The world of the nine-axis calibration: a sensor on a north-referenced plate, on a table, or in
+the bench's three-axis coil."""
 
 from __future__ import annotations
 
@@ -14,7 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from sim_instruments.truth import Truth
 from sim_instruments.world.base import World
-from sim_instruments.world.coils import AXES
+from sim_instruments.world.coils import (
+    AXES,
+    HelmholtzPair,
+    field_matrix_mT_per_A,
+    small_rotation,
+)
 from sim_instruments.world.nine_axis_sensor import Means, NineAxisSensor
 from sim_instruments.world.noise import generator
 from sim_instruments.world.piecewise import Array, Nodes, nodes_within
@@ -23,6 +29,10 @@ from sim_instruments.world.table import Table, earth_rate_rad_per_s
 Axes = tuple[Array, Array, Array]
 
 NORTH, EAST, DOWN = np.eye(3)
+COIL_AXES: Axes = (NORTH, -EAST, -DOWN)
+"""Where x, y and z of the three-axis coil point."""
+IN_COIL = "mount-in-coil"
+NT_PER_MT = 1e6
 POSES: dict[str, Axes] = {
     "1": (EAST, NORTH, -DOWN),
     "2": (-NORTH, EAST, -DOWN),
@@ -74,6 +84,7 @@ class _Place(NamedTuple):
     since_s: float
     on_table: bool
     axes: Array
+    in_coil: bool = False
 
 
 class NineAxisBench(World):
@@ -84,8 +95,10 @@ class NineAxisBench(World):
     the size of what the sensor's `heading` and `tilt` are wrong by, anew every time it is put or
     mounted; `magnetic_field` (`north`, `east`, `down`); `table_field`, where the table disturbs it:
     `plate` (`x`, `y`, `z`), fixed to its plate, and `motors` (`north`, `east`, `down`), what they
-    add at 100 deg/s; `sensor` (see there), which is on from the beginning where `powered_at_start`
-    says so. The table is that of `simulation.fog`.
+    add at 100 deg/s; `coil_mounting_error`, by which the sensor's axes are turned from those of the
+    three-axis coil; `sensor` (see there), which is on from the beginning where `powered_at_start`
+    says so. The table is that of `simulation.fog`. In the middle of the coil the sensor feels its
+    field and the room's `ambient_field`, as the gaussmeter's probe does at its place beside it.
     """
 
     preparations: tuple[str, ...] = ("mount-table", "connect-cables", "dut-power-on")
@@ -102,14 +115,19 @@ class NineAxisBench(World):
             _about_down(heading.quantity(angle, "rad")) for angle in ("plate", "table")
         )
         placing = own.section("placing_error")
-        tilt, turned = (placing.quantity(angle, "rad") for angle in ("tilt", "heading"))
-        self._misplaced_rad = np.array([tilt, tilt, turned])
+        tilt, turned_rad = (placing.quantity(angle, "rad") for angle in ("tilt", "heading"))
+        self._misplaced_rad = np.array([tilt, tilt, turned_rad])
         field = ("north", "east", "down")
         self._field_nT = np.array(own.quantities("magnetic_field", field, "nT"))
         room = truth.section("room").quantity("temperature", "degC")
         table_field = own.section("table_field") if "table_field" in own else Truth({}, own.where)
         self._plate_nT = np.array(table_field.errors("plate", AXES, "nT"))
         self._motors_nT = np.array(table_field.errors("motors", field, "nT"))
+        turned = "coil_mounting_error" in own
+        lies = small_rotation(own, "coil_mounting_error") if turned else np.eye(3)
+        coils = truth.section("coils")
+        self._pairs = [HelmholtzPair(axis, coils.section(axis)) for axis in AXES]
+        self._probe_mm = np.array(truth.quantities("probe_position", AXES, "mm"))
         sensor = own.section("sensor")
         self.sensor = NineAxisSensor(sensor, room, self._seed)
         # Before anybody takes it, it lies on the bench, its cable somewhere.
@@ -140,6 +158,10 @@ class NineAxisBench(World):
                 )
                 for name, axes in MOUNTINGS.items()
             },
+            IN_COIL: (
+                partial(self._put, IN_COIL, lies @ np.array(COIL_AXES)),
+                "The simulated sensor stands in the middle of the coils, X Y Z along x y z.",
+            ),
             **self.usual_acts(
                 "The simulated sensor was switched on and warms up.",
                 "The simulated sensor was switched off.",
@@ -171,6 +193,20 @@ class NineAxisBench(World):
             rate, force, field = (nodes.mean(signal) for signal in self._felt(nodes))
             return self.sensor.measure(edges_s, np.degrees(rate), force, field)
 
+    def mean_probe_field_mT(self, edges_s: Array) -> Array:
+        """Return the mean field at the probe in the coil, shape (intervals, 3)."""
+        mean_A = np.column_stack([self.currents[axis].mean_current(edges_s) for axis in AXES])
+        return np.asarray(self.ambient_mT + mean_A @ self._mT_per_A_at(self._probe_mm).T)
+
+    def _coil_field_nT(self, time_s: Array) -> Array:
+        """Return the field in the middle of the coil along north, east, down, (times, 3)."""
+        now_A = np.column_stack([self.currents[axis].current(time_s) for axis in AXES])
+        field_mT = self.ambient_mT + now_A @ self._mT_per_A_at(np.zeros(3)).T
+        return NT_PER_MT * field_mT @ np.array(COIL_AXES)
+
+    def _mT_per_A_at(self, place_mm: Array) -> Array:
+        return field_matrix_mT_per_A(self._pairs, place_mm * 1e-3)
+
     def attitude(self, time_s: Array) -> Array:
         """Return where X, Y, Z (rows) point along north, east, down, shape (times, 3, 3)."""
         return self._moving(np.asarray(time_s, dtype=np.float64))[0]
@@ -179,7 +215,7 @@ class NineAxisBench(World):
         if self._put_last != prompt_id:  # nobody takes it off to mount it the same way
             self._put(prompt_id, axes, time_s)
 
-    def _put(self, prompt_id: str, axes: Axes, time_s: float) -> None:
+    def _put(self, prompt_id: str, axes: Axes | Array, time_s: float) -> None:
         with self.lock:
             # A run that goes on in a world begun anew finds the sensor as it stood.
             self._times_put[prompt_id] += 1
@@ -188,7 +224,8 @@ class NineAxisBench(World):
             rng = generator(self._seed, name)
             wrong = Rotation.from_rotvec(self._misplaced_rad * rng.standard_normal(3))
             placed = np.array(axes) @ wrong.as_matrix().T
-            self._places.append(_Place(time_s, prompt_id in MOUNTINGS, placed))
+            on_table, in_coil = prompt_id in MOUNTINGS, prompt_id == IN_COIL
+            self._places.append(_Place(time_s, on_table, placed, in_coil))
             self._changed()
 
     def _rests(self, edges_s: Array) -> bool:
@@ -207,6 +244,8 @@ class NineAxisBench(World):
                 motors = np.degrees(turning)[:, None] / MOTORS_AT_DEG_PER_S * self._motors_nT
                 moved = np.einsum("nij,nj->ni", attitude[here], motors)
                 field[here] += place.axes @ self._plate_nT + moved
+            if place.in_coil:
+                field[here] = self._coil_field_nT(nodes.time_s[here]) @ place.axes.T
         return np.einsum("nij,nj->ni", attitude, rate), force, field
 
     def _stays(self, time_s: Array) -> Iterator[tuple[_Place, npt.NDArray[np.bool_]]]:

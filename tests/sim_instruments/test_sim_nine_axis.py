@@ -215,3 +215,21 @@ def test_an_act_that_is_none_is_refused_with_those_there_are() -> None:
     with pytest.raises(SimulationError) as raised:
         sensor_world().act("pose-7", 0.0)
     assert all(act in str(raised.value) for act in sensor_world().acts)
+
+
+def test_in_the_coil_the_sensor_feels_what_the_probe_beside_it_feels() -> None:
+    lies = {"coil_mounting_error": dict.fromkeys(("about_x", "about_y", "about_z"), "0 deg")}
+    world = sensor_world(**lies)
+    world.act("mount-in-coil", 0.0)
+    edges_s = np.arange(10.0, 11.0, 0.1)
+    for axis, current_A in zip("xyz", (0.2, -0.15, 0.1), strict=True):
+        before_nT = world.nine_axis_means(edges_s).magnetometer_nT[-1]
+        world.coil(axis).hold(edges_s[-1], current_A)
+        edges_s = edges_s + 10.0
+        felt = world.nine_axis_means(edges_s)
+        probe_nT = 1e6 * world.mean_probe_field_mT(edges_s)[-1]
+        assert felt.magnetometer_nT[-1] == pytest.approx(probe_nT, abs=60.0)
+        changed_nT = felt.magnetometer_nT[-1] - before_nT
+        assert np.argmax(np.abs(changed_nT)) == "xyz".index(axis)
+        assert np.sign(changed_nT["xyz".index(axis)]) == np.sign(current_A)
+        assert felt.accelerometer_g[-1] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)

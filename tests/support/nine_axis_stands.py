@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from procedures.nine_axis_calibration.all_axes.reading import DatasetPrior, lean_rad
+from procedures.nine_axis_calibration.all_axes.reading import lean_rad
 from procedures.nine_axis_calibration.all_axes.stands import (
     Mounted,
     OtherAxes,
@@ -18,6 +18,7 @@ from procedures.nine_axis_calibration.all_axes.stands import (
     direction,
 )
 from procedures.nine_axis_calibration.dataset import TurnRecord
+from procedures.nine_axis_calibration.parameters import AllAxesPrior
 
 Array = NDArray[np.float64]
 FIELD_NT, INCLINATION_DEG = 54823.0, 58.8
@@ -92,7 +93,7 @@ class Bench:
         }
         if self.mounting_arcmin is not None:
             stated["mounting"] = f"{self.mounting_arcmin} arcmin"
-        prior = DatasetPrior.model_validate(stated)
+        prior = AllAxesPrior.model_validate(stated)
         axis_lean = self.draw.normal(0.0, np.radians(self.tilt_arcmin / 60.0))
         rests = [self._rest(prior, word) for word in ("Z", *self.poses)]
         mountings = [self._mounting(prior, word, axis_lean) for word in self.turned]
@@ -110,7 +111,7 @@ class Bench:
         )
 
     def _up(
-        self, prior: DatasetPrior, word: str, arcmin: float | None = None
+        self, prior: AllAxesPrior, word: str, arcmin: float | None = None
     ) -> tuple[Array, Array, float]:
         """Return nominal and true direction of up in the sensor, and how well it is known."""
         nominal = direction(word)
@@ -134,7 +135,7 @@ class Bench:
         read = read + self.draw.normal(0.0, self.magnetometer_nT, field_nT.shape)
         return recorded(read, self.magnetometer_step_nT, self.magnetometer_limit_nT)
 
-    def _rest(self, prior: DatasetPrior, word: str) -> Rest:
+    def _rest(self, prior: AllAxesPrior, word: str) -> Rest:
         nominal, up, u_rad = self._up(prior, word)
         count = self.samples
         level, upwards = earth_field(0.0)
@@ -156,7 +157,7 @@ class Bench:
         first, second, along = self.platform_nT
         return np.asarray(first * north + second * np.cross(up, north) + along * up)
 
-    def _mounting(self, prior: DatasetPrior, word: str, axis_lean: float) -> Mounted:
+    def _mounting(self, prior: AllAxesPrior, word: str, axis_lean: float) -> Mounted:
         nominal, up, u_rad = self._up(prior, word, self.mounting_arcmin)
         level, upwards = earth_field(axis_lean)
         north = across_at(up, self.draw.uniform(0.0, 2.0 * np.pi))

@@ -89,6 +89,16 @@ SHORT_FORMS: Mapping[str, tuple[str, ...]] = {
         "parameters.sample_rate=10 Hz",
         "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
     ),
+    "nine-axis-calibration-coil": (
+        "parameters.warm_up=5 min",
+        "parameters.static_time=60 s",
+        "parameters.static_settle=2 s",
+        "parameters.settle=1 s",
+        "parameters.sample_rate=10 Hz",
+        "parameters.rates=[20 deg/s, 40 deg/s, 60 deg/s, 80 deg/s, 100 deg/s]",
+        "parameters.magnetometer_in_coil.levels=[60 uT]",
+        "parameters.magnetometer_in_coil.record=5 s",
+    ),
     "gyro-static-noise": (
         "parameters.warm_up=1 min",
         "parameters.record=4 min",

@@ -57,6 +57,14 @@ def solve_coil(record: CoilRecord) -> InCoil | None:
     return InCoil(state[:, 0], state[:, 1:], covariance, freedom)
 
 
+def sound_mean(samples: Array) -> Array:
+    """Return the mean of each column of samples (n, 3), wild ones left out; NaN of none."""
+    good = np.column_stack([good_samples(column, OUTLIER) for column in samples.T])
+    return np.asarray(
+        np.where(good, samples, 0.0).sum(axis=0) / np.where(good, 1.0, 0.0).sum(axis=0)
+    )
+
+
 def _spans(applied: Array) -> bool:
     spread = np.linalg.svd(applied - applied.mean(axis=0), compute_uv=False)
     return bool(spread[-1] > SMALLEST_SPREAD * spread[0])
@@ -64,7 +72,9 @@ def _spans(applied: Array) -> bool:
 
 def coil_inputs(record: CoilRecord, source: str) -> Iterator[InputQuantity]:
     """Yield what the reference may be off."""
-    yield InputQuantity(GAIN, "gain of the gaussmeter", record.gain_u, "1", source)
-    yield InputQuantity(ZERO, "zero of the gaussmeter", record.zero_u_nT, "nT", source)
+    read = record.reading or source
+    stated = InputQuantity.if_stated
+    yield stated(GAIN, "gain of the gaussmeter", record.gain_u, "1", read)
+    yield stated(ZERO, "zero of the gaussmeter", record.zero_u_nT, "nT", read)
     about = "direction of the gaussmeter's axes to the sensor's"
-    yield InputQuantity(ALIGNMENT, about, record.alignment_u_rad, "rad", source)
+    yield stated(ALIGNMENT, about, record.alignment_u_rad, "rad", source)

@@ -53,8 +53,9 @@ SECOND_ORDER = "prior_accelerometer_second_order"
 @dataclass(frozen=True)
 class Orientation:
     """A direction that was felt: nominal `up` (3,), known to `u_rad`, mean force (3,) in g and u,
-    NaN of an axis that felt nothing; of a mounting what the gyros read of its turns. `source` is
-    the prior that says how well `up` is known."""
+    NaN of an axis that felt nothing; of a mounting what the gyros read of its turns, and `sigma_g`
+    (3,) of a sample of the accelerometers. `source` is the prior that says how well `up` is known.
+    """
 
     name: str
     up: Array
@@ -63,6 +64,7 @@ class Orientation:
     force_u: Array
     response: Response | None = None
     source: str = TILT
+    sigma_g: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -241,7 +243,10 @@ def _orientation_of(mounting: Mounted, waves: Sequence[Wave], steps: Steps) -> O
     force, u = without_rate(mounting, waves, steps)
     response = response_of(mounting) if np.isfinite(u).any() else None
     source = _source(mounting.up, MOUNTING)
-    return Orientation(mounting.name, mounting.up, mounting.u_rad, force, u, response, source)
+    sigma_g = np.median([wave.sigma for wave in waves], axis=0) if waves else None
+    return Orientation(
+        mounting.name, mounting.up, mounting.u_rad, force, u, response, source, sigma_g
+    )
 
 
 def _source(up: Array, one_axis: str) -> str:

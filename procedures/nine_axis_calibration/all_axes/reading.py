@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
 from procedures.nine_axis_calibration.dataset import StaticRecord
 from procedures.nine_axis_calibration.parameters import AllAxesPrior, EarthField, Gravity
 from procedures.nine_axis_calibration.pose import ATTITUDES
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel, Unit
+from station.fields import StrictModel
 from station.files.faults import Fault
 
 from .stands import Array, CoilRecord, Mounted, OtherAxes, Rest, Turned, direction
@@ -29,18 +28,10 @@ POSE_COLUMNS = ("pose", "t_s")
 GAUSSMETER = ("bx_nT", "by_nT", "bz_nT")
 
 
-class DatasetPrior(AllAxesPrior):
-    """The prior of a dataset, with that of a gaussmeter beside the sensor."""
-
-    gaussmeter_gain: Annotated[float, Unit("1"), Field(ge=0, le=1)] = 0.0
-    gaussmeter_zero_nT: Annotated[float, Unit("nT"), Field(ge=0)] = 0.0
-    coil_alignment_deg: Annotated[float, Unit("deg"), Field(ge=0, le=90)] = 0.0
-
-
 class OtherConditions(StrictModel):
     """What is known of gravity and of the earth's field."""
 
-    prior: DatasetPrior
+    prior: AllAxesPrior
     local_gravity_g: Gravity = 1.0
     earth_field: EarthField | None = None
 
@@ -67,7 +58,7 @@ def poses_of(raw: RawDataset) -> Table | None:
     return table
 
 
-def coil_of(raw: RawDataset, prior: DatasetPrior) -> CoilRecord | None:
+def coil_of(raw: RawDataset, prior: AllAxesPrior) -> CoilRecord | None:
     """Return the record in the coil, None without such a file."""
     if "coil" not in raw.files:
         return None

@@ -36,8 +36,9 @@ from .inertial import (
     shape_of,
     solve_inertial,
 )
-from .magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Magnetic, felt_of, solve_magnetic
+from .magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Felt, Magnetic, felt_of, solve_magnetic
 from .stands import FIELD, FORCE, Array, OtherAxes
+from .two_ways import Compared, compare, disagreements, not_as_commanded
 
 METHOD = "least-squares"
 ACCELEROMETERS, MOUNTING = {"frame": "accelerometers"}, {"frame": "mounting"}
@@ -86,7 +87,9 @@ Shared = tuple[Estimate, Mapping[str, float]]
 class OtherResults:
     """What the other six axes come to; `misalignment` replaces that of the gyros, if not empty.
 
-    `shares` is what noise and each prior add to the uncertainty of a result.
+    `shares` is what noise and each prior add to the uncertainty of a result; `compared` what the
+    coil says of what the turns determine. `orientations` and `felt` are what accelerometers and
+    magnetometer felt of each direction.
     """
 
     estimates: tuple[Estimate, ...]
@@ -98,6 +101,9 @@ class OtherResults:
     magnetic: Magnetic | None
     recorded: OtherAxes
     shares: Mapping[Key, Mapping[str, float]]
+    compared: tuple[Compared, ...]
+    orientations: tuple[Orientation, ...]
+    felt: tuple[Felt, ...]
 
 
 def results_of(recorded: OtherAxes) -> OtherResults:
@@ -113,7 +119,11 @@ def results_of(recorded: OtherAxes) -> OtherResults:
         every += _of_accelerometers(data, inertial)
     if _recorded(recorded, FIELD) or data.coil is not None:
         every += _of_magnetometer(inertial, magnetic, coil)
-    estimates = [estimate for estimate, _ in every]
+    compared = _two_ways(data, inertial, magnetic, coil)
+    beside = {(c.of_turns.name, c.of_turns.axis): {"in_coil": c.to_data()} for c in compared}
+    estimates = [
+        replace(e, extra={**e.extra, **beside.get((e.name, e.axis), {})}) for e, _ in every
+    ]
     gyros = [*_of_state(inertial, OF_GYROS)] if inertial is not None and inertial.gyros else []
     flags = [
         *not_determined(estimates),
@@ -123,6 +133,8 @@ def results_of(recorded: OtherAxes) -> OtherResults:
         *doubts(inertial, magnetic, in_coil=coil is not None),
         *implausible(estimates),
         *other_hemisphere(data, magnetic),
+        *disagreements(compared),
+        *(not_as_commanded(data.coil) if data.coil is not None else ()),
     ]
     return OtherResults(
         tuple(estimates),
@@ -134,7 +146,28 @@ def results_of(recorded: OtherAxes) -> OtherResults:
         magnetic,
         recorded,
         {(known.name, known.axis): shares for known, shares in (*every, *gyros) if shares},
+        tuple(compared),
+        orientations,
+        tuple(felt),
     )
+
+
+def _two_ways(
+    data: OtherAxes, inertial: Inertial | None, magnetic: Magnetic | None, coil: InCoil | None
+) -> list[Compared]:
+    """Return what both the turns and the coil determine of the magnetometer.
+
+    Scale factors by convention are nothing to compare with.
+    """
+    if magnetic is None or coil is None or data.coil is None:
+        return []
+    by_turns = [
+        known
+        for known, _ in _in_earths_field(inertial, magnetic)
+        if not (magnetic.relative and known.name == SCALE)
+    ]
+    in_coil = [known for known, _ in _of_coil(coil)]
+    return compare(by_turns, in_coil, list(coil_inputs(data.coil, data.source)))
 
 
 def _recorded(data: OtherAxes, what: str) -> bool:

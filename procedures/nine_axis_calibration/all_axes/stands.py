@@ -70,13 +70,19 @@ class Mounted:
 
 @dataclass(frozen=True)
 class CoilRecord:
-    """Fields (n, 3) in nT as the gaussmeter reads them, and the magnetometer's output (n, 3)."""
+    """Fields (n, 3) in nT as the gaussmeter reads them, and the magnetometer's output (n, 3).
+
+    `commanded_nT` (n, 3) is what the coils were to add to the ambient field; None where that is not
+    known. `reading` is what states gain and zero, where that is not what states the rest.
+    """
 
     applied_nT: Array
     output_nT: Array
     gain_u: float
     zero_u_nT: float
     alignment_u_rad: float
+    commanded_nT: Array | None = None
+    reading: str = ""
 
 
 @dataclass(frozen=True)

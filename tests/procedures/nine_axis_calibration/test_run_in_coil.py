@@ -1,0 +1,164 @@
+"""The magnetometer in the three-axis coil within a run, beside the turns in the earth's field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from campaigns.truths import number
+from plan_runs import run_of, shipped_bench, shipped_plan
+from test_run_nine_axis import SHORT
+
+from procedures.nine_axis_calibration import PROCEDURE
+from procedures.nine_axis_calibration.all_axes.stands import CoilRecord
+from procedures.nine_axis_calibration.all_axes.two_ways import (
+    Compared,
+    disagreements,
+    not_as_commanded,
+)
+from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from station.findings import Estimate
+from station.record.folder import RunFolder
+from station.runner.outcome import Outcome
+
+PLAN = "nine-axis-calibration-coil"
+IN_COIL = {"levels": ["60 uT"], "record": "5 s"}
+OFFSET, SCALE, LEAN = (
+    f"magnetometer_{what}" for what in ("offset", "scale_factor", "misalignment")
+)
+WITHIN_U = 3.5
+
+
+def run_with(folder: Path, bench: dict[str, Any]) -> Outcome:
+    plan = shipped_plan(PLAN)
+    plan["parameters"] |= SHORT | {"static_time": "20 s", "magnetometer_in_coil": IN_COIL}
+    plan["limits"] = {SCALE: {"min": 0.9, "max": 1.1}}
+    return run_of(folder, plan, bench)
+
+
+def magnetic(outcome: Outcome) -> dict[tuple[str, str], Any]:
+    assert outcome.document is not None, outcome.error
+    return {
+        (result.estimate.name, str(result.estimate.axis)): result
+        for result in outcome.document.results
+        if result.estimate.name in (OFFSET, SCALE, LEAN)
+    }
+
+
+def denied(outcome: Outcome) -> dict[str, list[str]]:
+    """Return the axes in which coil and turns deny each other, by what they deny."""
+    assert outcome.document is not None
+    return {
+        flag.details["statement"]: flag.details["axes"]
+        for flag in outcome.document.flags
+        if flag.code == "contradicts-statement" and "axes" in flag.details
+    }
+
+
+def test_coil_and_turns_agree_with_each_other_and_with_the_truth(tmp_path: Path) -> None:
+    outcome = run_with(tmp_path, shipped_bench())
+    assert outcome.exit_code == 0, outcome.error
+    results = magnetic(outcome)
+    assert len(results) == 12
+    assert denied(outcome) == {}
+    true = shipped_bench()["simulation"]["nine_axis"]["sensor"]["magnetometers"]
+    for (name, axis), result in results.items():
+        own = result.estimate.extra["in_coil"]
+        assert abs(own["normalised_error"]) < 1.5, (name, axis, own)
+        off = own["difference"] / own["difference_uncertainty"]
+        assert own["normalised_error"] == pytest.approx(off / 2.0)
+        assert np.hypot.reduce([*own["contributions"].values()]) == pytest.approx(
+            own["standard_uncertainty"]
+        )
+        if name == LEAN:
+            assert own["frame"] == "coil"
+            assert own["standard_uncertainty"] > 1000.0  # 0.3 deg
+            continue
+        wanted = number(true["offset"][axis.lower()])
+        if name == SCALE:
+            wanted = 1.0 + number(true["scale_factor_error"][axis.lower()]) / 100.0
+        for value, u in (
+            (result.estimate.value, result.combined.standard_uncertainty),
+            (own["value"], own["standard_uncertainty"]),
+        ):
+            assert abs(value - wanted) < WITHIN_U * u, (name, axis, value, u)
+    (folder,) = (tmp_path / "runs").iterdir()
+    finished = RunFolder(folder).finished_units()
+    assert [unit for unit in finished if unit.startswith("coil")] == [
+        f"coil {coil} {field} uT" for coil in "xyz" for field in ("+0", "+60", "-60")
+    ]
+
+
+@pytest.mark.parametrize("what", ["coil", "gaussmeter"])
+def test_an_error_of_three_per_cent_is_flagged(tmp_path: Path, what: str) -> None:
+    """A coil constant leaves the results as they are; a gaussmeter's gain does not."""
+    bench = shipped_bench()
+    if what == "coil":
+        bench["instruments"]["coil_supply.y"]["settings"]["coil_constant"] = "0.343 mT/A"
+    else:
+        bench["instruments"]["gaussmeter"]["simulator"]["gain_error"] = dict.fromkeys("xyz", "3 %")
+    outcome = run_with(tmp_path, bench)
+    assert outcome.document is not None, outcome.error
+    off = {
+        flag.axis: flag.details["relative_difference"]
+        for flag in outcome.document.flags
+        if flag.code == "field-differs-from-commanded"
+    }
+    if what == "coil":
+        assert set(off) == {"Y"}
+        assert off["Y"] == pytest.approx(-0.03, abs=0.006)
+        assert denied(outcome) == {}
+        return
+    assert set(off) == {"X", "Y", "Z"}
+    assert denied(outcome) == {"gaussmeter_gain": ["X", "Y", "Z"]}
+    for axis in "XYZ":
+        own = magnetic(outcome)[SCALE, axis].estimate.extra["in_coil"]
+        assert own["difference"] == pytest.approx(-0.03, abs=0.004)
+
+
+def test_the_coil_is_the_last_step_and_the_device_is_off_after_it() -> None:
+    data = shipped_plan(PLAN)["parameters"]
+    parameters = NineAxisParameters.model_validate(data)
+    walk = PROCEDURE.walk(parameters)
+    assert [unit for unit in walk.units if unit.startswith("coil")] == [
+        level.unit for level in parameters.coil_fields
+    ]
+    assert walk.prompts[-1].id == "mount-in-coil"
+    without = NineAxisParameters.model_validate({**data, "magnetometer_in_coil": None})
+    assert not [unit for unit in PROCEDURE.walk(without).units if unit.startswith("coil")]
+    assert PROCEDURE.walk(without).prompts[-1].id == "mount-table"
+
+
+def test_a_level_that_stands_twice_is_refused() -> None:
+    given = {"latitude": "40 deg", "magnetometer_in_coil": {"levels": ["60 uT", "0.06 mT"]}}
+    with pytest.raises(ValueError, match=r"0\.06 mT stands twice"):
+        NineAxisParameters.model_validate(given)
+
+
+def compared(name: str, in_turns: float, in_coil: float) -> Compared:
+    one, other = (
+        Estimate(name, "X", value, "1", 0.001, None, "least-squares")
+        for value in (in_turns, in_coil)
+    )
+    return Compared(one, 0.001, other, {"prior_gaussmeter_gain": 0.0025})
+
+
+def test_the_two_ways_disagree_where_chance_does_not_make_the_difference() -> None:
+    alike, apart = compared(SCALE, 1.0, 1.008), compared(SCALE, 1.0, 0.99)
+    assert alike.agrees
+    assert alike.normalised_error == pytest.approx(0.008 / 2.0 / np.hypot(0.001, 0.0025))
+    assert [*disagreements([alike])] == []
+    (flag,) = disagreements([alike, apart])
+    assert flag.details["statement"] == "gaussmeter_gain"
+    assert flag.details["normalised_error"] == pytest.approx(-1.857, abs=0.01)
+
+
+def test_a_coil_whose_field_is_not_as_commanded_is_named() -> None:
+    commanded = np.kron(np.eye(3), np.array([[0.0], [6e4], [-6e4]]))
+    applied = commanded * [1.0, 0.985, 1.004] + [2e4, 0.0, -4e4]
+    record = CoilRecord(applied, applied, 0.0025, 500.0, 5e-3, commanded)
+    (flag,) = not_as_commanded(record)
+    assert flag.axis == "Y"
+    assert flag.details["relative_difference"] == pytest.approx(-0.015)
