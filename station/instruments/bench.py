@@ -19,7 +19,7 @@ from station.files.yaml.reading import read_yaml
 from station.findings import InputQuantity
 from station.instruments.addresses import why_unknown
 from station.instruments.calibration import Calibration, Number
-from station.instruments.coil_geometry import SUPPLIES, CoilGeometry
+from station.instruments.coil_geometry import CoilGeometry
 from station.instruments.commissioned import Commissioned
 from station.instruments.laboratory import Laboratory
 from station.roles.base import MAX_DEADLINE_S
@@ -275,7 +275,6 @@ def bench_of(
         for name, entry in instruments.items():
             faults += _instrument_faults(document, name, entry, drivers)
         faults += _safe_state_faults(document, list(instruments))
-        faults += _geometry_faults(document, list(instruments))
         faults += interlock_faults(document, list(instruments))
         if bounded:
             faults += faults_of_use(document)
@@ -339,16 +338,6 @@ def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault
             yield document.fault(where, what, hint and f"'{hint}'")
         elif isinstance(instruments[shared], dict) and instruments[shared].get("shares"):
             yield document.fault(where, f"'{shared}' has no line of its own; name what it shares")
-
-
-def _geometry_faults(document: Document, instances: list[str]) -> Iterator[Fault]:
-    """Yield a fault for the geometry of each coil that no supply of the bench drives."""
-    stated = document.data.get("coil_geometry")
-    for coil in SUPPLIES.keys() & (stated if isinstance(stated, dict) else {}).keys():
-        missing = [name for name in SUPPLIES[coil] if name not in instances]
-        if missing:
-            what = f"this bench has no {listed(missing)}, which drives that coil"
-            yield document.fault(("coil_geometry", coil), what, at_key=True)
 
 
 def _safe_state_faults(document: Document, instances: list[str]) -> Iterator[Fault]:

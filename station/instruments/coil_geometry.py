@@ -162,7 +162,3 @@ class CoilGeometry(StrictModel):
 
 PAIRS: Mapping[str, tuple[Axis, ...]] = {"three_axis": AXES, "dc": ("x",)}
 """The axes of the pairs of each coil."""
-SUPPLIES: Mapping[str, tuple[str, ...]] = {
-    "three_axis": tuple(f"coil_supply.{axis}" for axis in AXES),
-    "dc": ("coil_supply.dc",),
-}

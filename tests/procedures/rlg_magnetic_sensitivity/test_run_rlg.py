@@ -123,7 +123,7 @@ def test_the_bench_is_safe_and_the_folder_is_complete(
 ) -> None:
     outcome = runs[0][0]
     assert len(outcome.safe) == 3
-    assert len(outcome.outside) == 8
+    assert len(outcome.outside) == 9
     assert all(one.verified for one in (*outcome.safe, *outcome.outside))
     folder = RunFolder(outcome.folder)
     assert list(folder.finished_units()) == ["warm-up", "IA", "NA", "LA"]

@@ -15,12 +15,7 @@ coil_geometry:
     probe: {x: 20 mm, y: -15 mm, z: 30 mm, uncertainty: 1 mm}
     device: {x: 0 mm, y: 0 mm, z: 5 mm, uncertainty: 1 mm, box: {x: 60 mm, y: 60 mm, z: 60 mm}}
 """
-SUPPLIES = "".join(
-    f"  coil_supply.{axis}:\n    driver: bop\n"
-    "    limits: {current: 8 A, voltage: 36 V, slew: 2 A/s, zero_current: 20 mA, field: 2 mT}\n"
-    for axis in "yz"
-)
-BENCH = GOOD.replace("safe_state:", f"{SUPPLIES}safe_state:") + GEOMETRY
+BENCH = GOOD + GEOMETRY
 PROBE = "{x: 20 mm, y: -15 mm, z: 30 mm, uncertainty: 1 mm}"
 BOX = "box: {x: 60 mm, y: 60 mm, z: 60 mm}"
 
@@ -59,8 +54,6 @@ def test_a_sphere_has_no_corner_that_reaches_out() -> None:
     assert geometry is not None
 
 
-def test_every_coil_has_its_pairs_and_its_supplies() -> None:
+def test_every_coil_has_its_pairs() -> None:
     lines = [line for line in BENCH.splitlines(keepends=True) if "z: {radius" not in line]
     assert any("must give the pairs x, y, z" in fault for fault in faults_of("".join(lines)))
-    faults = faults_of(GOOD + GEOMETRY)
-    assert any("has no coil_supply.y, coil_supply.z" in fault for fault in faults), faults

@@ -85,6 +85,7 @@ SPEEDS: Mapping[str, float] = {
     "serf-nonorthogonality": 4.0,
     "fog-scale-factor-temperature": 30.0,
     "nine-axis-calibration": 15.0,
+    "nine-axis-calibration-coil": 15.0,
     "commissioning": 4.0,
     "gyro-static-noise": 15.0,
     "gyro-rate-table": 10.0,
