@@ -7,11 +7,13 @@ earth's rate out itself and levels by its accelerometers, so that its other gyro
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal, Protocol
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.constants import EARTH_RATE_DEG_PER_H
 from station import registry
 from station.errors import ConditionNotReached
 from station.fields import InputAxis, StrictModel, Unit
@@ -126,6 +128,14 @@ def check_source(parameters: Sampling, bench: Bench) -> Iterator[Problem]:
 def records_of_source(parameters: Sampling) -> tuple[RecordUse, ...]:
     """Return what an analysis takes of the source's calibration record."""
     return (RecordUse(GYRO, "scale", 1.0, "1"),) if parameters.source == GYRO else ()
+
+
+def earth_arcsec_per_s(latitude_deg: float, axis: InputAxis) -> float:
+    """Return the part of the earth's rate along an axis."""
+    latitude, elevation = math.radians(latitude_deg), math.radians(axis.elevation_deg)
+    north = math.cos(latitude) * math.cos(elevation) * math.cos(math.radians(axis.azimuth_deg))
+    up = math.sin(latitude) * math.sin(elevation)
+    return EARTH_RATE_DEG_PER_H * (north + up)  # 1 deg/h is 1 arcsec/s
 
 
 def rate_Hz(parameters: Sampling) -> float:

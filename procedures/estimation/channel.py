@@ -35,6 +35,10 @@ AROUND = 31
 """Readings whose median a reading of a noisy channel is held against."""
 MAX_RUN = 20
 """Equal readings of a noisy channel in a row that are never taken for frozen."""
+OFTEN_EQUAL = 0.1
+"""Of the readings: in a channel that repeats so often twice as many in a row are never."""
+SIGMAS_MORE = 2.0
+"""By so many of its standard deviations the share of repeats beside a run is taken larger."""
 FAR = 8.0
 """Standard deviations from all others beyond which frozen readings stand at a limit."""
 BESIDE = 7
@@ -264,7 +268,7 @@ def _noisy(values: Array, step: float, beyond: float) -> tuple[Mask, Mask, Mask,
     if good.sum() > AROUND:
         kept = values[good]
         apart = kept - median_filter(kept, AROUND, mode="nearest")
-        sigma = robust_sigma(apart, 0.3 * step)
+        sigma = robust_sigma(apart, max(0.3 * step, _sigma_of_steps(apart, step)))
         wild[good] = np.abs(apart) > beyond * sigma + step
         saturated = still & (np.abs(values - np.median(kept)) > FAR * sigma + step)
         saturated |= _cut_off(values, good & ~wild, step, sigma)
@@ -430,8 +434,24 @@ def _copied(values: Array, step: float, among: Mask) -> Mask:
     return copied
 
 
+def _sigma_of_steps(apart: Array, step: float) -> float:
+    """Return the robust standard deviation of noise (n,) that is rounded to steps, with that.
+
+    Most of it may stand on one level: each is taken as spread over its step.
+    """
+    if step == 0.0:
+        return 0.0
+    levels, count = np.unique(np.rint(np.abs(apart) / step), return_counts=True)
+    edges = np.append(np.maximum(levels - 0.5, 0.0), levels[-1] + 0.5)
+    part = np.append(0.0, np.cumsum(count) / len(apart))
+    return MAD_TO_SIGMA * step * float(np.interp(0.5, part, edges))
+
+
 def _runs(values: Array) -> Mask:
-    """Return which readings stand in a run of equal ones longer than chance lets them be."""
+    """Return which readings stand in a run of equal ones longer than chance lets them be.
+
+    Coarse readings repeat more often for a while, where the noise lies in the middle of a step.
+    """
     count = len(values)
     lengths = equal_runs(values)[1]
     equal = float(np.mean(values[1:] == values[:-1])) if count > 1 else 0.0
@@ -441,5 +461,26 @@ def _runs(values: Array) -> Mask:
         short = lengths <= np.percentile(lengths, 99)
         equal = 1.0 - float(short.sum() / max(lengths[short].sum(), 1))
         if equal > 0.0:
-            longest = max(longest, int(np.ceil(2.0 * np.log(count) / -np.log(min(equal, 0.999)))))
-    return np.repeat(lengths > longest, lengths)
+            longest = _longest_by_chance(count, equal)
+    still = np.repeat(lengths > longest, lengths)
+    starts = np.cumsum(lengths) - lengths
+    others = np.flatnonzero(~still)
+    repeats = np.append(False, values[1:] == values[:-1])[others]
+    for start, length in zip(starts[lengths > longest], lengths[lengths > longest], strict=True):
+        at = int(np.searchsorted(others, start))
+        around = repeats[max(at - AROUND, 0) : at + AROUND]
+        if len(around) == 0:
+            continue
+        often = float(around.mean())
+        often += SIGMAS_MORE * math.sqrt(often * (1.0 - often) / len(around))
+        if length <= _longest_by_chance(count, often):
+            still[start : start + length] = False
+    return still
+
+
+def _longest_by_chance(count: int, equal: float) -> int:
+    """Return how many readings of so many stand in a row, each equal to the last so often."""
+    if equal <= 0.0:
+        return MAX_RUN
+    fewest = MAX_RUN if equal < OFTEN_EQUAL else 2 * MAX_RUN
+    return max(fewest, math.ceil(2.0 * math.log(count) / -math.log(min(equal, 0.999))))

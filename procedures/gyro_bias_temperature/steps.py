@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.common.gyro_source import CABLES, GYRO
+from procedures.common.gyro_source import CABLES, GYRO, earth_arcsec_per_s
+from procedures.common.sensing import NeedsChanges
 from procedures.common.switch_ons import POWER
 from station.errors import ConditionNotReached
 from station.method.commands import GyroSampling, Power
 from station.method.duration import Duration, exactly
 from station.method.motion import ChamberOn, TemperatureRamp, TemperatureTo
-from station.method.verbs import Recording, keep_row, look_until
+from station.method.verbs import keep_row, look_until
 from station.procedure import Prompt, Step
 from station.roles import GyroAcquisition, ThermalChamber
 
@@ -147,7 +148,7 @@ class Climate:
         self.switch_on = 1 + max(before, default=0)
         """Counted through all processes of the run: each switches the gyro on, or finds it on."""
         self._run, self._parameters = run, parameters
-        self._pulses: Recording | None = None
+        self._pulses: NeedsChanges | None = None
         self._due_s = run.now_s
 
     @property
@@ -157,8 +158,11 @@ class Climate:
 
     def begin_pulses(self) -> None:
         """Record the gyro's samples from now on."""
-        rates: Rates = {GYRO: 1.0 / self._parameters.sample_interval_s}
-        self._pulses = Recording(self._run, self.unit, rates)
+        own = self._parameters
+        rates: Rates = {GYRO: 1.0 / own.sample_interval_s}
+        earth = earth_arcsec_per_s(own.latitude_deg, own.input_axis["IA"])
+        weight = own.pulse_weight_arcsec
+        self._pulses = NeedsChanges(self._run, self.unit, rates, earth, weight)
 
     def follow(self, seconds: float, doing: str) -> None:
         """Record for a time."""

@@ -15,18 +15,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.common.constants import SECONDS_PER_HOUR
+from procedures.estimation.channel import smallest_step
 from procedures.estimation.frozen import IN_A_SHORT_RECORD, frozen, repeated_windows
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
 from procedures.estimation.rate_spectrum import coefficients, noise_variances
 from procedures.estimation.reml import Stretch, fit
-from procedures.estimation.saturation import stands_at_top
+from procedures.estimation.saturation import STUCK, stands_at_top
 
 from .dataset import Array, Mask, RateTableDataset, Record
 
 FEWEST = 3
 ALWAYS_NEW = 0.9
 """Part of the readings, frozen ones aside, that differ from the one before in no coarse output."""
+STEPS_SHORT, CURVED = 3.0, 1e-4
+"""By so many steps and such a part of its rate coarse output that is not cut off may be less."""
 SHIFT_SEEN = 5.0
 SMALLEST_SHIFT = 0.1
 FAR_STEPS = 20.0
@@ -140,10 +143,26 @@ def rough_scale(records: Sequence[Record], t0: float) -> float:
 def is_saturated(record: Record, records: Sequence[Record]) -> bool:
     """Return whether the output of a record is cut off, judged by the records of lower rates."""
     own = abs(record.commanded_deg_per_s)
-    slower = [
-        other.rate_deg_per_s for other in records if 0.0 < abs(other.commanded_deg_per_s) < own
-    ] or [other.rate_deg_per_s for other in records if abs(other.commanded_deg_per_s) < own]
-    return bool(own) and stands_at_top(record.rate_deg_per_s, slower)
+    turning = [other for other in records if 0.0 < abs(other.commanded_deg_per_s) < own]
+    slower = turning or [other for other in records if abs(other.commanded_deg_per_s) < own]
+    if not own or not stands_at_top(record.rate_deg_per_s, [o.rate_deg_per_s for o in slower]):
+        return False
+    return not turning or _falls_short(record, turning)
+
+
+def _falls_short(record: Record, slower: Sequence[Record]) -> bool:
+    """Return whether a record stands below its rate by more than steps and a curve of it explain.
+
+    True where output is not coarse: any of it that stands at one level for long is cut off.
+    """
+    shares = [np.unique(other.rate_deg_per_s, return_counts=True)[1].max() for other in slower]
+    lengths = [len(other.rate_deg_per_s) for other in slower]
+    if float(np.median(np.divide(shares, lengths))) < STUCK:
+        return True
+    step = max(smallest_step(other.rate_deg_per_s) for other in slower)
+    expected = rough_scale(slower, 1.0) * np.nanmedian(record.table_deg_per_interval)
+    missing = abs(expected) - float(np.median(np.abs(record.rate_deg_per_s)))
+    return bool(missing > STEPS_SHORT * step + CURVED * abs(expected))
 
 
 def frozen_samples(records: Sequence[Record]) -> list[Mask]:

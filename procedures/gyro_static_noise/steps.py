@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from functools import partial
 
-from procedures.common.gyro_source import CABLES, Axis, rate_Hz, stop_samples
+from procedures.common.gyro_source import (
+    CABLES,
+    GYRO,
+    Axis,
+    earth_arcsec_per_s,
+    rate_Hz,
+    stop_samples,
+)
 from procedures.common.sensing import NeedsChanges
 from procedures.common.switch_ons import POWER, cool, switch_off, unit_of, warm_up
 from station.method.commands import Power
-from station.method.run import Run
+from station.method.run import Rates, Run
 from station.procedure import Prompt, Step
 
 from .parameters import StaticParameters
@@ -88,13 +95,18 @@ def unit_for(axis: str | None, number: int) -> str:
 def switch_on_and_record(run: Run, first_number: int, last_number: int, axis: str | None) -> None:
     """Switch the gyro on after it has cooled, let it warm up, and record it."""
     parameters: StaticParameters = run.parameters
+    earth = 0.0
+    if parameters.source == GYRO:
+        earth = earth_arcsec_per_s(parameters.latitude_deg, parameters.input_axis["IA"])
+    weight = parameters.pulse_weight_arcsec or 0.0
     numbers = range(first_number, last_number + 1)
     for number in run.unfinished(numbers, partial(unit_for, axis)):
         unit = unit_for(axis, number)
         cool(run, number)
         on_s = warm_up(run, number)
         with run.unit(unit, switch_on=number, on_s=on_s, axis=axis):
-            samples = NeedsChanges(run, unit, {parameters.source: rate_Hz(parameters)})
+            rates: Rates = {parameters.source: rate_Hz(parameters)}
+            samples = NeedsChanges(run, unit, rates, earth, weight)
             record_s = parameters.lengths_s[number - 1] + LATE_S
             samples.follow(record_s, f"{unit}: the gyro is recorded")
         stop_samples(run)

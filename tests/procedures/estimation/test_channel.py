@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bias_records import Gyro, record
 from numpy.typing import NDArray
+from static_records import DEVICES, counted, noise
 
 from procedures.estimation.channel import Channel, Screened, flags, screen
 
@@ -108,6 +109,20 @@ def test_noise_at_rest_is_screened_and_each_mask_has_its_own_rows() -> None:
     }
     cut = screen(OUTPUT, np.minimum(rate[240:900], 9.9))
     assert counts(cut).keys() == {"saturated"}
+
+
+def test_an_angle_in_coarse_steps_is_sound_and_stands_still_where_it_does() -> None:
+    device = DEVICES["navigator"]
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        # About one step in a second: for minutes the noise lies in the middle of a step.
+        rate = counted(0.34 + noise(rng, device, 14_400, 1.0), device["pulse"], 1.0, 0.0)
+        assert counts(screen(OUTPUT, rate)) == {}
+        rate[5000:5200] = rate[5000]
+        rate[9000] += 10.0 * device["pulse"]
+        marked = screen(OUTPUT, rate)
+        assert counts(marked).keys() == {"wild", "frozen"} and marked.wild[9000]
+        assert marked.frozen[5000:5200].all() and marked.frozen.sum() < 230
 
 
 def test_no_mean_is_known_better_than_the_steps_of_its_channel_allow() -> None:

@@ -170,6 +170,18 @@ def test_air_that_does_not_come_to_the_soak_ends_the_run(tmp_path: Path) -> None
     assert "look at its door, its alarms and its load" in str(ended.error)
 
 
+def test_a_pulse_board_that_stands_still_ends_the_run(tmp_path: Path) -> None:
+    plan, bench = shipped_plan(NAME), shipped_bench()
+    plan["parameters"] |= COOLER
+    bench["simulation"]["faults"] = [
+        {"instrument": "gyro_acquisition", "fault": "frozen", "at": "2 h"}
+    ]
+    ended = run_of(tmp_path, plan, bench)
+    assert ended.exit_code == 3 and ended.error is not None
+    assert ended.error.startswith("gyro_acquisition: record ")
+    assert "samples in a row hold the same count" in ended.error
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

@@ -97,3 +97,15 @@ def test_without_standing_records_the_published_rule_has_nothing_to_take_off() -
     analysis = analyse(without(case.dataset, 0.0))
     assert all(one.value is None for one in analysis.published)
     assert analysis.estimate("scale_factor", "IA").value is not None
+
+
+def test_coarse_output_is_cut_off_only_where_it_falls_short() -> None:
+    sound = made(np.random.default_rng((49, 1)), CASES["navigator"]).dataset
+    assert "overload" not in codes(analyse(sound))
+    limited = [
+        replace(record, rate_deg_per_s=np.clip(record.rate_deg_per_s, -99.9, 99.9))
+        for record in sound.records
+    ]
+    cut = analyse(replace(sound, records=tuple(limited)))
+    (over,) = [flag for flag in cut.flags if flag.code == "overload"]
+    assert over.details["rates"] == [-100.0, 100.0] or over.details["rates"] == [100.0, -100.0]
