@@ -6,7 +6,7 @@ from typing import Annotated, Protocol
 
 from pydantic import Field
 
-from procedures.common.gyro_source import start_samples
+from procedures.common.gyro_source import IMU, Sampling, start_samples
 from station.fields import StrictModel
 from station.findings import FlagThresholds
 from station.method.commands import Power
@@ -56,4 +56,5 @@ def warm_up(run: Run, number: int) -> float:
 
 def switch_off(run: Run) -> None:
     """Switch the gyro off, when all is recorded."""
-    run.apply(Power(POWER, False))
+    parameters: Sampling = run.parameters
+    run.apply(Power(POWER, False, puts_back=IMU if parameters.source == IMU else ""))

@@ -92,7 +92,11 @@ def results_of(outcome: Outcome) -> dict[tuple[str, str], dict[str, Any]]:
 def test_a_sensor_at_rest_gives_the_noise_and_bias_of_its_three_gyros(
     run_of_source: Callable[[str], Outcome],
 ) -> None:
-    results = results_of(run_of_source("imu"))
+    outcome = run_of_source("imu")
+    results = results_of(outcome)
+    # The sensor keeps its settings; they are put back before it is switched off.
+    events = (outcome.folder / "events.jsonl").read_text("utf-8")
+    assert '"instrument-settings"' in events and '"settings-stay"' not in events
     for axis, bias in {"X": 0.42, "Y": -0.31, "Z": 0.18}.items():
         for name, true in (("angle_random_walk", 0.012), ("bias", bias)):
             result = results[name, axis]
