@@ -41,6 +41,11 @@ class Estimate:
         return combination_text(terms) if terms else self.name
 
     @property
+    def way(self) -> tuple[str, str]:
+        """How the value came: its method, and the frame that it is in."""
+        return self.method, self.extra.get("frame", "")
+
+    @property
     def holds_at(self) -> str:
         """The conditions that the value holds at, such as `25.3 degC`; empty without any."""
         return ", ".join(self.extra.get("conditions", {}).values())

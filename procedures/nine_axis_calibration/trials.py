@@ -16,6 +16,7 @@ import numpy as np
 from procedures.estimation.channel import smallest_step
 from procedures.estimation.direction import LATITUDE
 from procedures.estimation.linear import robust_sigma
+from procedures.estimation.turn_encoder import unwrap
 from station.findings import Analysis, Trials
 
 from .all_axes.coil import ALIGNMENT, GAIN, ZERO
@@ -26,7 +27,9 @@ from .all_axes.stands import Array, OtherAxes, Record, Rest, plane_across
 from .attitude import PAIRS, rotation
 from .dataset import NineAxisDataset, StaticRecord, TurnRecord
 from .findings import NineAxisAnalysis
+from .means import interval_of
 from .pose import ATTITUDES, earth_rate
+from .turning import round_the_turn
 
 ONE_AXIS = 1.0 - 1e-6
 COARSE = 0.3
@@ -93,7 +96,7 @@ def trials_of(
     """Return how the analysis of all records is tried again."""
     others = analysis.others
     inertial = others.inertial if others is not None else None
-    seen = Seen.by(others)
+    seen = Seen.by(others, recorded)
     dull, known = unchanged, np.isfinite(analysis.gain)
     drawn: dict[str, Draw] = {
         "prior_heading": partial(_headings, common=True),
@@ -240,7 +243,7 @@ def noise_of(analysis: NineAxisAnalysis, recorded: Recorded) -> Noise:
             force[mounting.name] = _source(np.vstack(forces), u, sigma)
         if fields and mounting.name in felt:
             together = np.vstack(fields)
-            sigma = felt[mounting.name] * np.sqrt(len(together))
+            sigma = felt[mounting.name] * np.sqrt(np.isfinite(together).sum(axis=0))
             own = np.hypot(felt[mounting.name], wander_nT)
             field[mounting.name] = _source(together, own, sigma)
     return Noise(positions, turns, force, field)
@@ -327,35 +330,75 @@ def noisy(recorded: Recorded, random: np.random.Generator, *, noise: Noise) -> R
 @dataclass(frozen=True)
 class Seen:
     """How the fits see a turn of the sensor: outputs per force `force` (3, 3), what points up by
-    the name of a stand or mounting, and the magnetometer, where they determine these."""
+    the name of a stand or mounting, and the magnetometer, where they determine these.
+
+    `felt_nT` is the field (n, 3) of each record of the magnetometer, by name: its whole vector at
+    each sample, also of axes that the sensor gives at other times.
+    """
 
     force: Array
     up: Mapping[str, Array]
     magnetic: Magnetic | None
+    felt_nT: Mapping[str, Sequence[Array]]
 
     @classmethod
-    def by(cls, others: OtherResults | None) -> Seen:
+    def by(cls, others: OtherResults | None, recorded: Recorded) -> Seen:
         """Return it of results of the other axes; of an ideal sensor where there are none."""
         inertial = others.inertial if others is not None else None
         magnetic = others.magnetic if others is not None else None
+        felt_nT = felt_throughout(recorded, magnetic) if magnetic is not None else {}
         if inertial is None:
-            return cls(np.eye(3), {}, magnetic)
+            return cls(np.eye(3), {}, magnetic, felt_nT)
         force = inertial.stands.gravity_g * inertial.state[K][:, None] * shape_of(inertial.state)
         names = [orientation.name for orientation in inertial.orientations]
-        return cls(force, dict(zip(names, inertial.up, strict=True)), magnetic)
+        return cls(force, dict(zip(names, inertial.up, strict=True)), magnetic, felt_nT)
 
     def more_force(self, name: str, nominal: Array, turn_rad: Array) -> Array:
         """Return what the accelerometers (3,) read more where a stand is turned."""
         return np.asarray(self.force @ _leant(self.up.get(name, nominal), turn_rad))
 
-    def more_field(self, field_nT: Array | None, turn_rad: Array) -> Array | float:
-        """Return what the magnetometer (n, 3) reads more where it is turned."""
-        if field_nT is None or self.magnetic is None or not self.magnetic.whole:
+    def more_field(self, name: str, number: int, turn_rad: Array) -> Array | float:
+        """Return what the magnetometer (n, 3) reads more in a record where it is turned."""
+        if name not in self.felt_nT or self.magnetic is None or not self.magnetic.whole:
             return 0.0
-        gain = self.magnetic.gain
-        read = np.nan_to_num(field_nT - self.magnetic.offset_nT)
-        felt = np.asarray(read @ np.linalg.inv(gain).T, dtype=np.float64)
-        return np.asarray(_leant(felt, turn_rad) @ gain.T)
+        return np.asarray(_leant(self.felt_nT[name][number], turn_rad) @ self.magnetic.gain.T)
+
+
+def felt_throughout(recorded: Recorded, magnetic: Magnetic) -> Mapping[str, Sequence[Array]]:
+    """Return the field (n, 3) along the sensor's axes of each record, by stand or mounting.
+
+    A sensor may give its axes one after the other. What an axis did not give is its mean at rest,
+    and on the table the wave that its record leaves; zero of one that gave nothing.
+    """
+    others, felt = recorded.others, {}
+    if others is None:
+        return {}
+    inverse = np.linalg.inv(magnetic.gain) if magnetic.whole else np.eye(3)
+
+    def throughout(field_nT: Array, columns: Array) -> Array:
+        read = field_nT - magnetic.offset_nT
+        for channel in read.T:
+            there = np.isfinite(channel)
+            if there.any():
+                fitted = columns @ np.linalg.lstsq(columns[there], channel[there])[0]
+                channel[~there] = fitted[~there]
+        return np.asarray(np.nan_to_num(read) @ inverse.T)
+
+    for rest in others.rests:
+        if rest.field_nT is not None:
+            felt[rest.name] = [throughout(rest.field_nT, np.ones((len(rest.time_s), 1)))]
+    for mounting in others.mountings:
+        turns = [record.turn for record in mounting.records]
+        interval_s = interval_of([turn.time_s for turn in turns])
+        own = []
+        for turn, record in zip(turns, mounting.records, strict=True):
+            known = turn.time_s, turn.encoder_deg, turn.commanded_deg_per_s, interval_s
+            wave = np.nan_to_num(round_the_turn(unwrap(*known), interval_s))
+            if record.field_nT is not None:
+                own.append(throughout(record.field_nT, np.column_stack((np.ones(len(wave)), wave))))
+        if len(own) == len(turns):
+            felt[mounting.name] = own
+    return felt
 
 
 def _leant(vector: Array, turn_rad: Array) -> Array:
@@ -375,20 +418,20 @@ def _stands_leant(recorded: Recorded, turn_rad: Sequence[Array], seen: Seen) -> 
             more.append(Added(gyro, seen.more_force("", position[:, 2], own)))
             continue
         force = seen.more_force(rest.name, rest.up, own)
-        more.append(Added(gyro, force, seen.more_field(rest.field_nT, own)))
+        more.append(Added(gyro, force, seen.more_field(rest.name, 0, own)))
     return more
 
 
 def _turns_leant(recorded: Recorded, turn_rad: Sequence[Array], seen: Seen) -> list[Added]:
     """Return what each record of turns reads more where its mounting is turned by a vector."""
     others, more = recorded.others, []
-    fields: list[tuple[str, Array | None]] = [("", None)] * len(turn_rad)
+    places = [("", 0)] * len(turn_rad)
     if others is not None:
-        fields = [(m.name, record.field_nT) for m in others.mountings for record in m.records]
-    for (up, turn), own, (name, field) in zip(turns_of(recorded), turn_rad, fields, strict=True):
+        places = [(m.name, n) for m in others.mountings for n in range(len(m.records))]
+    for (up, turn), own, (name, n) in zip(turns_of(recorded), turn_rad, places, strict=True):
         about = np.nan_to_num(turn.rate_deg_per_s)[:, turn.axis] * np.sign(up[turn.axis])
         gyro = np.outer(about, _leant(up, own))
-        more.append(Added(gyro, seen.more_force(name, up, own), seen.more_field(field, own)))
+        more.append(Added(gyro, seen.more_force(name, up, own), seen.more_field(name, n, own)))
     return more
 
 
@@ -406,7 +449,7 @@ def _headings(
     turned = [np.zeros(3) for _ in rests_of(recorded)]
     for n, record in enumerate(static):
         turned[n] = off_rad[0 if common else n] * ATTITUDES[record.position][:, 2]
-    ideal = Seen(np.eye(3), {}, None)
+    ideal = Seen(np.eye(3), {}, None, {})
     return added(recorded, _stands_leant(recorded, turned, ideal), _none(recorded))
 
 
@@ -417,7 +460,7 @@ def _none(recorded: Recorded) -> list[Added]:
 def _tilts(recorded: Recorded, u: float, random: np.random.Generator, *, seen: Seen) -> Recorded:
     """Let each stand with one axis up lean, and the table's axis."""
     leant = _rests_lean(recorded, u, random, seen, edges=False)
-    return _table_leant(leant, u, random, seen.magnetic)
+    return _table_leant(leant, u, random, seen)
 
 
 def _edges(recorded: Recorded, u: float, random: np.random.Generator, *, seen: Seen) -> Recorded:
@@ -485,11 +528,9 @@ def _mountings_lean(
     return added(recorded, stands, _turns_leant(recorded, turned, seen))
 
 
-def _table_leant(
-    recorded: Recorded, u: float, random: np.random.Generator, magnetic: Magnetic | None
-) -> Recorded:
+def _table_leant(recorded: Recorded, u: float, random: np.random.Generator, seen: Seen) -> Recorded:
     """Let the table's axis lean, which moves level and upward field of all turns alike."""
-    others = recorded.others
+    others, magnetic = recorded.others, seen.magnetic
     if others is None or magnetic is None:
         return recorded
     off = u * others.tilt_rad * random.standard_normal()
@@ -497,13 +538,12 @@ def _table_leant(
     upward_nT = -magnetic.field_nT * np.cos(np.radians(magnetic.inclination_deg)) * off
     more = []
     for mounting in others.mountings:
-        for record in mounting.records:
-            if record.field_nT is None:
-                more.append(NOTHING)
-                continue
-            felt = record.field_nT - magnetic.offset_nT
+        if mounting.name not in seen.felt_nT:
+            more += [NOTHING] * len(mounting.records)
+        for felt in seen.felt_nT.get(mounting.name, ()):
             level = felt - np.outer(felt @ mounting.up, mounting.up)
-            more.append(Added(field=upward_nT * mounting.up - off * tangent * level))
+            moved = upward_nT * mounting.up - off * tangent * level
+            more.append(Added(field=moved @ magnetic.gain.T))
     return added(recorded, [NOTHING] * len(others.rests), more)
 
 

@@ -23,6 +23,8 @@ from station.uncertainty import MONTE_CARLO, Combined, combine
 
 Array = NDArray[np.float64]
 Chunk = tuple[int, Any, BaseException | None]
+Ways = Mapping[Key, tuple[str, str]]
+"""By result how its value came."""
 Passing = Callable[[Iterator[Chunk], int], Iterator[Chunk]]
 """Passes on what is done of so many chunks, and says how far it is."""
 
@@ -74,7 +76,8 @@ def propagated(
     pairs = zip(findings.estimates, combined, strict=True)
     determined = {(e.name, e.axis): (e, whole) for e, whole in pairs if whole is not None}
     deviations = deviations_of([e for e, _ in determined.values()], findings.inputs, again)
-    values = values_of(again, deviations, tuple(determined), trials, seed, scheduler, passing)
+    ways = {key: estimate.way for key, (estimate, _) in determined.items()}
+    values = values_of(again, deviations, ways, trials, seed, scheduler, passing)
     judged = {
         key: judge(*determined[key], own, seed, linear_inputs(key, deviations))
         for key, own in zip(determined, values.T, strict=True)
@@ -112,17 +115,17 @@ def linear_inputs(key: Key, deviations: Sequence[Deviation]) -> list[str]:
 def values_of(
     again: Trials,
     deviations: Sequence[Deviation],
-    keys: Sequence[Key],
+    ways: Ways,
     trials: int,
     seed: int,
     scheduler: str | None,
     passing: Passing,
 ) -> Array:
-    """Return what the trials give, (trials, results); NaN where one gives no value."""
+    """Return what the trials give, (trials, results); NaN where one gives no value in its way."""
     size = math.ceil(trials / CHUNKS)
     chunks = [range(first, min(first + size, trials)) for first in range(0, trials, size)]
-    shared = {"again": again, "deviations": deviations, "keys": keys, "seed": seed}
-    values = np.full((trials, len(keys)), np.nan)
+    shared = {"again": again, "deviations": deviations, "ways": ways, "seed": seed}
+    values = np.full((trials, len(ways)), np.nan)
     done = each_done(values_of_chunk, chunks, scheduler, **shared)
     for number, own, error in passing(done, len(chunks)):
         if error is not None:
@@ -132,16 +135,19 @@ def values_of(
 
 
 def values_of_chunk(
-    numbers: range, again: Trials, deviations: Sequence[Deviation], keys: Sequence[Key], seed: int
+    numbers: range, again: Trials, deviations: Sequence[Deviation], ways: Ways, seed: int
 ) -> Array:
     """Return what some trials give, (numbers, results)."""
-    return np.array([values_of_trial(n, again, deviations, keys, seed) for n in numbers])
+    return np.array([values_of_trial(n, again, deviations, ways, seed) for n in numbers])
 
 
 def values_of_trial(
-    number: int, again: Trials, deviations: Sequence[Deviation], keys: Sequence[Key], seed: int
+    number: int, again: Trials, deviations: Sequence[Deviation], ways: Ways, seed: int
 ) -> list[float]:
-    """Return what a trial gives for each result; NaN where its analysis finds no solution."""
+    """Return what a trial gives for each result; NaN where its analysis finds no solution.
+
+    A value that came another way than that of the data says nothing of it, and is none.
+    """
     random = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     drawn = [each.drawn(random) for each in deviations]
     try:
@@ -155,14 +161,18 @@ def values_of_trial(
                     dataset = again.drawn[name](dataset, u or 0.0, random)
             estimates = again.analyse(dataset).estimates
     except (ArithmeticError, ValueError):  # LinAlgError is a ValueError
-        return [math.nan] * len(keys)
-    values = {(e.name, e.axis): e.value for e in estimates if e.value is not None}
+        return [math.nan] * len(ways)
+    values = {
+        (e.name, e.axis): e.value
+        for e in estimates
+        if e.value is not None and e.way == ways.get((e.name, e.axis))
+    }
 
     def linearly(key: Key) -> float:
         moves = zip(deviations, drawn, strict=True)
         return sum(each.sensitivities.get(key, 0.0) * deviation for each, deviation in moves)
 
-    return [values.get(key, math.nan) + linearly(key) for key in keys]
+    return [values.get(key, math.nan) + linearly(key) for key in ways]
 
 
 def judge(

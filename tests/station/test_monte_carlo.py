@@ -104,6 +104,32 @@ def test_where_linearisation_fails_the_result_is_that_of_the_trials(
     assert agree["mean"] == "yes"
 
 
+@pytest.mark.parametrize("way", [{"method": "constant"}, {"extra": {"frame": "other"}}])
+@pytest.mark.parametrize("share", [1.0, 0.2])
+def test_a_trial_whose_value_comes_another_way_is_no_agreement(
+    monkeypatch: pytest.MonkeyPatch, way: dict[str, Any], share: float
+) -> None:
+    in_this_process(monkeypatch)
+    nominal = findings_of(10.0, [])
+    assert nominal.trials is not None
+    middle = np.quantile(np.random.default_rng(1).standard_normal(10_000), share) * 0.05
+
+    def other(data: Any) -> Analysis:
+        own_mean = mean_of(data)
+        if data[0].mean() > 10.0 + middle:
+            return own_mean
+        rows = [replace(row, standard_uncertainty=0.0, **way) for row in own_mean.estimates]
+        return Analysis(rows, (), ())
+
+    findings = replace(nominal, trials=replace(nominal.trials, analyse=other))
+    for estimate in tried(findings, 200).estimates:
+        own = estimate.extra["monte_carlo"]
+        assert own["undetermined"] == pytest.approx(200 * share, abs=30)
+        assert not own["agrees"]
+        assert own["standard_uncertainty"] is None
+        assert estimate.method == "mean"
+
+
 def test_a_result_that_holds_more_than_the_trials_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     """A u that holds doubts about the model is not made smaller by trials of that model."""
     in_this_process(monkeypatch)

@@ -40,7 +40,7 @@ from .magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Felt, Magnetic, felt_o
 from .stands import FIELD, FORCE, Array, OtherAxes
 from .two_ways import Compared, compare, disagreements, not_as_commanded
 
-METHOD = "least-squares"
+METHOD, BY_COIL = "least-squares", "least-squares-in-coil"
 ACCELEROMETERS, MOUNTING = {"frame": "accelerometers"}, {"frame": "mounting"}
 PAIRS = tuple(a + b for a, b in permutations(AXES, 2))
 EDGES = tuple(AXES[i] + AXES[j] for i, j in CROSS)
@@ -264,7 +264,7 @@ def _of_coil(coil: InCoil) -> Iterator[Shared]:
         }[name]
         u, freedom = float(np.sqrt(slope @ coil.covariance @ slope)), float(coil.freedom[row])
         extra = {"frame": "coil"} if name == LEAN else {}
-        yield Estimate(name, axis, value, unit, u, freedom, METHOD, by, extra), {}
+        yield Estimate(name, axis, value, unit, u, freedom, BY_COIL, by, extra), {}
 
 
 def _of_matrix(offset_nT: Array, gain: Array) -> Iterator[tuple[str, str, str, float, Array]]:

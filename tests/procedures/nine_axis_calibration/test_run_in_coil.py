@@ -10,6 +10,7 @@ import pytest
 from campaigns.truths import number
 from plan_runs import run_of, shipped_bench, shipped_plan
 from test_run_nine_axis import SHORT
+from trials import in_this_process, tried
 
 from procedures.nine_axis_calibration import PROCEDURE
 from procedures.nine_axis_calibration.all_axes.stands import CoilRecord
@@ -21,7 +22,9 @@ from procedures.nine_axis_calibration.all_axes.two_ways import (
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
 from station.findings import Estimate
 from station.record.folder import RunFolder
+from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
+from station.uncertainty import combine
 
 PLAN = "nine-axis-calibration-coil"
 IN_COIL = {"levels": ["60 uT"], "record": "5 s"}
@@ -29,6 +32,13 @@ OFFSET, SCALE, LEAN = (
     f"magnetometer_{what}" for what in ("offset", "scale_factor", "misalignment")
 )
 WITHIN_U = 3.5
+TRIALS, SCATTER = 30, 0.45
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """One short run on the shipped bench."""
+    return run_with(tmp_path_factory.mktemp("coil"), shipped_bench())
 
 
 def run_with(folder: Path, bench: dict[str, Any]) -> Outcome:
@@ -57,8 +67,8 @@ def denied(outcome: Outcome) -> dict[str, list[str]]:
     }
 
 
-def test_coil_and_turns_agree_with_each_other_and_with_the_truth(tmp_path: Path) -> None:
-    outcome = run_with(tmp_path, shipped_bench())
+def test_coil_and_turns_agree_with_each_other_and_with_the_truth(run: Outcome) -> None:
+    outcome = run
     assert outcome.exit_code == 0, outcome.error
     results = magnetic(outcome)
     assert len(results) == 12
@@ -84,11 +94,28 @@ def test_coil_and_turns_agree_with_each_other_and_with_the_truth(tmp_path: Path)
             (own["value"], own["standard_uncertainty"]),
         ):
             assert abs(value - wanted) < WITHIN_U * u, (name, axis, value, u)
-    (folder,) = (tmp_path / "runs").iterdir()
-    finished = RunFolder(folder).finished_units()
+    finished = RunFolder(outcome.folder).finished_units()
     assert [unit for unit in finished if unit.startswith("coil")] == [
         f"coil {coil} {field} uT" for coil in "xyz" for field in ("+0", "+60", "-60")
     ]
+
+
+def test_trials_of_a_sensor_that_gives_its_axes_in_turn_hold_the_budget(
+    run: Outcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The accelerometers are not determined: what leans must not make the turns' fit fail."""
+    in_this_process(monkeypatch)
+    _, findings = evaluate_run(RunFolder(run.folder))
+    turned = [e for e in findings.estimates if e.name in (OFFSET, SCALE, LEAN)]
+    whole = combine(turned, findings.inputs)
+    tried_again = {(e.name, e.axis): e for e in tried(findings, TRIALS).estimates}
+    for estimate, linear in zip(turned, whole, strict=True):
+        own = tried_again[estimate.name, estimate.axis].extra["monte_carlo"]
+        assert linear is not None
+        assert own["undetermined"] == 0
+        assert own["agrees"], (estimate.name, estimate.axis, own)
+        ratio = own["standard_uncertainty"] / linear.standard_uncertainty
+        assert ratio == pytest.approx(1.0, abs=SCATTER)
 
 
 @pytest.mark.parametrize("what", ["coil", "gaussmeter"])
