@@ -17,7 +17,7 @@ REFUSED = {
     "accelerometer-magnetic-sensitivity-efficient": NO_STAGE,
     "accelerometer-tumble": NO_STAGE,
     "commissioning": NO_STAGE,
-    "nine-axis-calibration-coil": "the gaussmeter of this bench reads one axis; the magnetometer needs",
+    "nine-axis-calibration-coil": "the gaussmeter of this bench reads one axis",
     "rlg-magnetic-sensitivity-go-no-go": ONE_AXIS,
     "rlg-magnetic-sensitivity-simultaneous": ONE_AXIS,
     "serf-nonorthogonality": NO_GENERATOR,
