@@ -6,11 +6,12 @@ from typing import Annotated, Protocol
 
 from pydantic import Field
 
-from procedures.common.gyro_source import IMU, Sampling, start_samples
+from procedures.common.gyro_source import IMU, start_samples
 from station.fields import StrictModel
 from station.findings import FlagThresholds
 from station.method.commands import Power
 from station.method.run import Run
+from station.roles.base import Driver
 
 POWER = "dut_power"
 
@@ -55,6 +56,12 @@ def warm_up(run: Run, number: int) -> float:
 
 
 def switch_off(run: Run) -> None:
-    """Switch the gyro off, when all is recorded."""
-    parameters: Sampling = run.parameters
-    run.apply(Power(POWER, False, puts_back=IMU if parameters.source == IMU else ""))
+    """Switch the gyro off, when all is recorded; before that put back what a sensor keeps."""
+
+    def put_back() -> None:
+        sensor = run.instruments.get(IMU)
+        if isinstance(sensor, Driver):
+            sensor.kept.put_back()
+
+    run.read(put_back)  # switched off it takes none
+    run.apply(Power(POWER, False))

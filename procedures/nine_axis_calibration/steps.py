@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from procedures.common.gyro_source import IMU
+from procedures.common.switch_ons import switch_off
 from station.method.commands import Power
 from station.method.verbs import record_published
 from station.procedure import Step
@@ -72,14 +72,14 @@ def scale_factors(run: Run) -> None:
     """Claim 2: K from the mean outputs and the rates; then the device off, unless a coil waits."""
     run.read(partial(say_published, run, "scale_factor"))
     if run.parameters.magnetometer_in_coil is None:
-        run.apply(Power(POWER, False, puts_back=IMU))
+        switch_off(run)
 
 
 def coil(run: Run) -> None:
     """Beside the claims: the magnetometer in the three-axis coil; then the device off."""
     if run.parameters.magnetometer_in_coil is not None:
         measure_in_coil(run)
-        run.apply(Power(POWER, False, puts_back=IMU))
+        switch_off(run)
 
 
 STEPS = (

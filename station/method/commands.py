@@ -21,7 +21,6 @@ from station.roles import (
     Multimeter,
     RotaryStage,
 )
-from station.roles.base import Driver
 from station.units import parse_as
 
 if TYPE_CHECKING:
@@ -207,14 +206,9 @@ class FieldRange(Command[None]):
 
 @dataclass(frozen=True)
 class Power(Command[None]):
-    """The supply of the device under test, on or off.
-
-    Switched off for the last time, a device that is an instrument of its own, `puts_back`, first
-    gets back the settings that it keeps: off it takes none.
-    """
+    """The supply of the device under test, on or off."""
 
     on: bool
-    puts_back: str = ""
 
     def words(self, bench: Bench) -> str:
         """Return on or off."""
@@ -223,8 +217,6 @@ class Power(Command[None]):
     def apply(self, station: Station, prepared: None) -> None:
         """Switch it."""
         power = station.role(self.instrument, DutPower)
-        if self.puts_back:
-            station.role(self.puts_back, Driver).kept.put_back()
         if self.on:
             power.switch_on()
         else:
