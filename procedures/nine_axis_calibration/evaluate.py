@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from procedures.common.constants import ARCMIN_PER_RAD, FULL_TURN_DEG, SECONDS_PER_HOUR
 from procedures.common.gyro_source import IMU
+from procedures.common.homogeneity import at_device
 from procedures.common.inputs import Declared, with_unstated
 from procedures.common.sensing import ACCELEROMETERS, GYROS
 from procedures.estimation.alignment import align, unwrapped
@@ -290,7 +291,8 @@ def coil_record(
 ) -> CoilRecord:
     """Return the fields in the coil; the gaussmeter's record states what the plan does not.
 
-    Of a record the part that grows with the reading is the gain's, the other the zero's.
+    Of a record the part that grows with the reading is the gain's, the other the zero's. Where the
+    bench states its coils' geometry the fields are those at the sensor.
     """
     commanded_nT, applied_nT, output_nT = (np.array(column) for column in zip(*levels, strict=True))
     prior, largest_nT = parameters.prior, float(np.abs(applied_nT).max())
@@ -300,7 +302,8 @@ def coil_record(
     ]
     (zero_nT, _), (whole_nT, source) = ((NT_PER_MT * u_mT, source) for u_mT, source in stated)
     given = prior.gaussmeter_gain, prior.gaussmeter_zero_nT
-    return CoilRecord(
+    place = at_device(bench, "three_axis")
+    record = CoilRecord(
         bench.corrected(GAUSSMETER, "field", applied_nT / NT_PER_MT, "mT") * NT_PER_MT,
         output_nT,
         given[0] or (whole_nT - zero_nT) / largest_nT,
@@ -308,7 +311,9 @@ def coil_record(
         math.radians(prior.coil_alignment_deg),
         commanded_nT,
         "" if all(given) else source,
+        place,
     )
+    return record if place is None else record.carried(place.matrix)
 
 
 def at_rest(

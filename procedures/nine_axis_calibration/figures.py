@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procedures.common import homogeneity
 from station.findings import Findings
 from station.parts import Part, Table
 from station.plots import (
@@ -57,6 +58,9 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts += spheres(analysis.others)
         if analysis.others.compared:
             parts.append(_two_ways(analysis.others.compared))
+        coil = analysis.others.recorded.coil
+        if coil is not None and coil.at_device is not None:
+            parts.append(homogeneity.table(coil.at_device))
     correction = correction_of(analysis)
     if correction is not None:
         parts.append(_correction(correction))

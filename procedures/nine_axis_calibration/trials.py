@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from procedures.common.helmholtz import FieldAtDevice
 from procedures.estimation.channel import smallest_step
 from procedures.estimation.direction import LATITUDE
 from procedures.estimation.linear import robust_sigma
@@ -117,12 +118,24 @@ def trials_of(
         ALIGNMENT: _gaussmeter_lies,
     }
     noise = noise_of(analysis, recorded)
-    return Trials(recorded, again, partial(noisy, noise=noise), perturbed(), drawn)
+    coil = recorded.others.coil if recorded.others is not None else None
+    changes = perturbed(coil.at_device if coil is not None else None)
+    return Trials(recorded, again, partial(noisy, noise=noise), changes, drawn)
 
 
-def perturbed() -> Mapping[str, Callable[[Recorded, float], Recorded]]:
+def perturbed(
+    at_device: FieldAtDevice | None = None,
+) -> Mapping[str, Callable[[Recorded, float], Recorded]]:
     """Return what each input that is one number does to the data."""
-    return {"time_scale": _clock, LATITUDE: _latitude, GRAVITY: _gravity, GAIN: _gaussmeter_gain}
+    changes: dict[str, Callable[[Recorded, float], Recorded]] = {
+        "time_scale": _clock,
+        LATITUDE: _latitude,
+        GRAVITY: _gravity,
+        GAIN: _gaussmeter_gain,
+    }
+    for quantity in at_device.inputs if at_device is not None else ():
+        changes[quantity.name] = partial(_elsewhere, name=quantity.name)
+    return changes
 
 
 def unchanged(recorded: Recorded, u: float, random: np.random.Generator) -> Recorded:
@@ -645,6 +658,15 @@ def _in_coil(recorded: Recorded, change: Callable[[Array], Array]) -> Recorded:
 
 def _gaussmeter_gain(recorded: Recorded, part: float) -> Recorded:
     return _in_coil(recorded, lambda applied: applied / (1.0 + part))
+
+
+def _elsewhere(recorded: Recorded, deviation: float, *, name: str) -> Recorded:
+    """Return the records with the field at the sensor where coils or places are others."""
+    coil = recorded.others.coil if recorded.others is not None else None
+    if coil is None or coil.at_device is None:
+        return recorded
+    moved = coil.carried(coil.at_device.deviating(name, deviation))
+    return _of_others_only(recorded, coil=moved)
 
 
 def _gaussmeter_zeros(recorded: Recorded, u: float, random: np.random.Generator) -> Recorded:

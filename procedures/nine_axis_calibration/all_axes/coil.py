@@ -6,11 +6,12 @@ gain, its zero and its direction are off is whole in the results, and no record 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from procedures.common.helmholtz import FieldAtDevice
 from procedures.estimation.channel import smallest_step
 from procedures.nine_axis_calibration.means import QUANTUM_PART, good_samples
 from station.findings import InputQuantity
@@ -26,12 +27,15 @@ SMALLEST_SPREAD = 1e-3
 @dataclass(frozen=True)
 class InCoil:
     """Offset (3,) in nT, matrix `gain` (3, 3), covariance (12, 12) of both, row by row; the degrees
-    of freedom of each row (3,)."""
+    of freedom of each row (3,). `at_device` is how the field at the sensor follows from that at the
+    probe, `by_place` the derivatives (12,) by what that depends on."""
 
     offset_nT: Array
     gain: Array
     covariance: Array
     freedom: Array
+    at_device: FieldAtDevice | None
+    by_place: Mapping[str, Array]
 
 
 def solve_coil(record: CoilRecord) -> InCoil | None:
@@ -54,7 +58,13 @@ def solve_coil(record: CoilRecord) -> InCoil | None:
             variance = max(float(np.sum(left[good] ** 2)) / freedom[axis], step**2 / 12.0)
             state[axis], covariance[np.ix_(own, own)] = solved, variance * inverse
             good &= good_samples(left, OUTLIER, QUANTUM_PART * step)
-    return InCoil(state[:, 0], state[:, 1:], covariance, freedom)
+    gain, at_device = state[:, 1:], record.at_device
+    by_place = {}
+    for name, slope in at_device.slopes.items() if at_device is not None else ():
+        # A coil's field that is larger makes the gain smaller; the ambient field stays.
+        by_gain = -gain @ slope
+        by_place[name] = np.concatenate((-by_gain @ record.ambient_nT, by_gain.ravel()))
+    return InCoil(state[:, 0], gain, covariance, freedom, at_device, by_place)
 
 
 def sound_mean(samples: Array) -> Array:
@@ -78,3 +88,5 @@ def coil_inputs(record: CoilRecord, source: str) -> Iterator[InputQuantity]:
     yield stated(ZERO, "zero of the gaussmeter", record.zero_u_nT, "nT", read)
     about = "direction of the gaussmeter's axes to the sensor's"
     yield stated(ALIGNMENT, about, record.alignment_u_rad, "rad", source)
+    if record.at_device is not None:
+        yield from record.at_device.inputs

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procedures.common.constants import ARCSEC_PER_RAD
+from procedures.common.homogeneity import entry
 from procedures.nine_axis_calibration.dataset import AXES
 from station.findings import Estimate, Flag, InputQuantity, Key, Published, undetermined
 
@@ -262,8 +263,11 @@ def _of_coil(coil: InCoil) -> Iterator[Shared]:
             SCALE: {GAIN: value},
             LEAN: {ALIGNMENT: ARCSEC_PER_RAD},
         }[name]
+        by |= {place: float(slope @ own) for place, own in coil.by_place.items()}
         u, freedom = float(np.sqrt(slope @ coil.covariance @ slope)), float(coil.freedom[row])
         extra = {"frame": "coil"} if name == LEAN else {}
+        if name == SCALE:
+            extra = dict(entry(coil.at_device, axis.lower()))
         yield Estimate(name, axis, value, unit, u, freedom, BY_COIL, by, extra), {}
 
 

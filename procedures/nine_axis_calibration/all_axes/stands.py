@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.helmholtz import FieldAtDevice, carried
 from procedures.nine_axis_calibration.dataset import TurnRecord
 from procedures.nine_axis_calibration.directions import up_of
 
@@ -73,7 +74,9 @@ class CoilRecord:
     """Fields (n, 3) in nT as the gaussmeter reads them, and the magnetometer's output (n, 3).
 
     `commanded_nT` (n, 3) is what the coils were to add to the ambient field; None where that is not
-    known. `reading` is what states gain and zero, where that is not what states the rest.
+    known. `reading` is what states gain and zero, where that is not what states the rest. Where
+    `at_device` says how the coils' field at the sensor follows from that at the probe, `applied_nT`
+    is that at the sensor.
     """
 
     applied_nT: Array
@@ -83,6 +86,24 @@ class CoilRecord:
     alignment_u_rad: float
     commanded_nT: Array | None = None
     reading: str = ""
+    at_device: FieldAtDevice | None = None
+
+    @property
+    def ambient_nT(self) -> Array:
+        """The field (3,) that is there without the coils: the mean while all are at zero."""
+        known = np.isfinite(self.applied_nT).all(axis=1)
+        driven = self.commanded_nT.any(axis=1) if self.commanded_nT is not None else ~known
+        off = known & ~driven
+        return np.asarray(self.applied_nT[off if off.any() else known].mean(axis=0))
+
+    def carried(self, matrix: Array) -> CoilRecord:
+        """Return the record with the coils' part of its fields by a matrix (3, 3).
+
+        The ambient field is uniform: it is the same at the probe and at the sensor.
+        """
+        ambient_nT = self.ambient_nT
+        moved_nT = carried(self.applied_nT - ambient_nT, matrix)
+        return replace(self, applied_nT=ambient_nT + moved_nT)
 
 
 @dataclass(frozen=True)

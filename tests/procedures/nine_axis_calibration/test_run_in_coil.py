@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from campaigns.truths import number
+from places import ROOT
 from plan_runs import run_of, shipped_bench, shipped_plan
+from quick_yaml import dump_yaml
 from test_run_nine_axis import SHORT
-from trials import in_this_process, tried
+from trials import in_this_process, trials_in, tried, wrong_sensitivities
 
 from procedures.nine_axis_calibration import PROCEDURE
 from procedures.nine_axis_calibration.all_axes.stands import CoilRecord
@@ -19,11 +25,15 @@ from procedures.nine_axis_calibration.all_axes.two_ways import (
     disagreements,
     not_as_commanded,
 )
+from procedures.nine_axis_calibration.evaluate import findings_with, records_of_run
 from procedures.nine_axis_calibration.parameters import NineAxisParameters
+from procedures.nine_axis_calibration.trials import Recorded
 from station.findings import Estimate
 from station.record.folder import RunFolder
+from station.recorded import read_plan_and_bench
 from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
+from station.runner.resuming import ResumeRequest, resume
 from station.uncertainty import combine
 
 PLAN = "nine-axis-calibration-coil"
@@ -41,11 +51,30 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     return run_with(tmp_path_factory.mktemp("coil"), shipped_bench())
 
 
-def run_with(folder: Path, bench: dict[str, Any]) -> Outcome:
+def short_plan() -> dict[str, Any]:
     plan = shipped_plan(PLAN)
     plan["parameters"] |= SHORT | {"static_time": "20 s", "magnetometer_in_coil": IN_COIL}
     plan["limits"] = {SCALE: {"min": 0.9, "max": 1.1}}
-    return run_of(folder, plan, bench)
+    return plan
+
+
+def run_with(folder: Path, bench: dict[str, Any]) -> Outcome:
+    return run_of(folder, short_plan(), bench)
+
+
+def recorded_in(run: Outcome) -> Recorded:
+    """Return what the analysis of the run takes."""
+    _, findings = evaluate_run(RunFolder(run.folder))
+    recorded: Recorded = trials_in(findings).dataset
+    return recorded
+
+
+def coil_of(run: Outcome) -> CoilRecord:
+    """Return the run's fields in the coil."""
+    others = recorded_in(run).others
+    assert others is not None
+    assert others.coil is not None
+    return others.coil
 
 
 def magnetic(outcome: Outcome) -> dict[tuple[str, str], Any]:
@@ -116,6 +145,116 @@ def test_trials_of_a_sensor_that_gives_its_axes_in_turn_hold_the_budget(
         assert own["agrees"], (estimate.name, estimate.axis, own)
         ratio = own["standard_uncertainty"] / linear.standard_uncertainty
         assert ratio == pytest.approx(1.0, abs=SCATTER)
+
+
+def test_the_coils_part_of_the_field_is_that_at_the_sensor(run: Outcome) -> None:
+    coil = coil_of(run)
+    at = coil.at_device
+    assert at is not None
+    assert coil.commanded_nT is not None
+    read = coil.carried(np.linalg.inv(at.matrix))
+    assert read.ambient_nT == pytest.approx(coil.ambient_nT, abs=1e-6)
+    driven = coil.commanded_nT.any(axis=1)
+    moved = coil.applied_nT - read.applied_nT
+    assert np.abs(moved[~driven]).max() < 1.0
+    assert np.abs(moved[driven]).max() > 10.0
+    for (name, axis), result in magnetic(run).items():
+        own = result.estimate.extra["in_coil"]
+        assert {"probe_x_mm", "device_z_mm", "coil_y_radius_mm"} <= {*own["contributions"]}
+        if name == SCALE:
+            ratio, u = at.ratio(axis.lower())
+            assert own["field_at_device"] == {"ratio": ratio, "standard_uncertainty": u}
+
+
+def test_places_of_coils_probe_and_sensor_do_what_their_sensitivities_say(run: Outcome) -> None:
+    at = coil_of(run).at_device
+    assert at is not None
+    off_centre = at.stated_mm | {"device_x_mm": 30.0, "device_y_mm": 25.0, "device_z_mm": -20.0}
+    at = replace(at, lengths_mm={name: (value, 0.2) for name, value in off_centre.items()})
+    recorded = recorded_in(run)
+    dataset, others = recorded.dataset, recorded.others
+    assert others is not None
+    commanded = np.tile(np.kron(np.eye(3), np.array([[0.0], [6e4], [-6e4]])), (4, 1))
+    applied = commanded + np.array([2e4, 5e2, -4.8e4])
+    gain = np.array([[1.01, 0.02, -0.01], [0.005, 0.98, 0.01], [-0.02, 0.01, 1.03]])
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(applied.shape)
+    coil = CoilRecord(
+        applied, applied @ gain.T + noise + 300.0, 0.0, 0.0, 0.0, commanded, at_device=at
+    )
+    rests = tuple(replace(rest, field_nT=None) for rest in others.rests)
+    findings = findings_with(dataset, replace(others, rests=rests, mountings=(), coil=coil), ())
+    own = [e for e in findings.estimates if e.name in (OFFSET, SCALE, LEAN)]
+    assert {e.method for e in own} == {"least-squares-in-coil"}
+    assert all("probe_x_mm" in e.sensitivities for e in own)
+    findings = replace(findings, estimates=own, inputs=[*at.inputs])
+    assert wrong_sensitivities(findings, findings.inputs) == {}
+
+
+def test_without_the_coils_geometry_the_field_is_that_at_the_probe(run: Outcome) -> None:
+    folder = RunFolder(run.folder)
+    plan, bench = read_plan_and_bench(folder)
+    bench = replace(bench, file=bench.file.model_copy(update={"coil_geometry": None}))
+    _, others = records_of_run(folder, plan.parameters, bench)
+    assert others is not None
+    assert others.coil is not None
+    assert others.coil.at_device is None
+    coil = coil_of(run)
+    assert coil.at_device is not None
+    read = coil.carried(np.linalg.inv(coil.at_device.matrix))
+    assert read.applied_nT == pytest.approx(others.coil.applied_nT)
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from procedures.nine_axis_calibration.in_coil import Sensing
+from plan_runs import run_of
+from quick_yaml import load_yaml
+
+folder, during = Path(sys.argv[1]), sys.argv[2]
+take, began = Sensing.take, {}
+
+def until_the_middle(sensing):
+    came, now_s = take(sensing), sensing._run.now_s
+    if sensing.unit == during and now_s > began.setdefault(during, now_s) + 4.0:
+        os.kill(os.getpid(), 9)
+    return came
+
+Sensing.take = until_the_middle
+plan, bench = (load_yaml((folder / name).read_text("utf-8")) for name in ("plan", "bench"))
+run_of(folder, plan, bench)
+"""
+
+
+def test_a_run_that_is_killed_in_the_coil_goes_on_with_the_field_that_it_was_in(
+    tmp_path: Path,
+) -> None:
+    during = "coil y +60 uT"
+    for name, data in (("plan", short_plan()), ("bench", shipped_bench())):
+        (tmp_path / name).write_text(dump_yaml(data), encoding="utf-8")
+    command = [sys.executable, "-c", KILLED, tmp_path, during]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "tests" / "support")}
+    killed = subprocess.run(command, env=environment, check=False, capture_output=True)
+    assert killed.returncode == -9, killed.stderr
+    (path,) = (tmp_path / "runs").glob("[!.]*")
+    before = RunFolder(path).finished_units()
+    assert [*before][-1] == "coil y +0 uT"
+    outcome = resume(ResumeRequest(path, quiet=True, report=False))
+    assert outcome.exit_code == 0, outcome.error
+    folder = RunFolder(path)
+    units = folder.finished_units()
+    assert {name: units[name] for name in before} == before
+    assert [*units][len(before) :] == [
+        during,
+        "coil y -60 uT",
+        *(f"coil z {field} uT" for field in ("+0", "+60", "-60")),
+    ]
+    asked = [event.details["id"] for event in folder.events_of("prompt")]
+    assert asked.count("mount-in-coil") == 2
+    assert denied(outcome) == {}
+    assert len(magnetic(outcome)) == 12
+    assert outcome.document is not None
+    assert "resumed" in {flag.code for flag in outcome.document.flags}
 
 
 @pytest.mark.parametrize("what", ["coil", "gaussmeter"])
