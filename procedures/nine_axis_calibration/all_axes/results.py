@@ -41,8 +41,9 @@ from .magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Felt, Magnetic, felt_o
 from .stands import FIELD, FORCE, Array, OtherAxes
 from .two_ways import Compared, compare, disagreements, not_as_commanded
 
-METHOD, BY_COIL = "least-squares", "least-squares-in-coil"
+METHOD = "least-squares"
 ACCELEROMETERS, MOUNTING = {"frame": "accelerometers"}, {"frame": "mounting"}
+COIL = {"frame": "coil"}
 PAIRS = tuple(a + b for a, b in permutations(AXES, 2))
 EDGES = tuple(AXES[i] + AXES[j] for i, j in CROSS)
 EVERY = tuple(a + b for a, b in product(AXES, AXES))
@@ -265,10 +266,8 @@ def _of_coil(coil: InCoil) -> Iterator[Shared]:
         }[name]
         by |= {place: float(slope @ own) for place, own in coil.by_place.items()}
         u, freedom = float(np.sqrt(slope @ coil.covariance @ slope)), float(coil.freedom[row])
-        extra = {"frame": "coil"} if name == LEAN else {}
-        if name == SCALE:
-            extra = dict(entry(coil.at_device, axis.lower()))
-        yield Estimate(name, axis, value, unit, u, freedom, BY_COIL, by, extra), {}
+        at = entry(coil.at_device, axis.lower()) if name == SCALE else {}
+        yield Estimate(name, axis, value, unit, u, freedom, METHOD, by, {**COIL, **at}), {}
 
 
 def _of_matrix(offset_nT: Array, gain: Array) -> Iterator[tuple[str, str, str, float, Array]]:

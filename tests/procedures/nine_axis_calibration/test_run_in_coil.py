@@ -184,7 +184,7 @@ def test_places_of_coils_probe_and_sensor_do_what_their_sensitivities_say(run: O
     rests = tuple(replace(rest, field_nT=None) for rest in others.rests)
     findings = findings_with(dataset, replace(others, rests=rests, mountings=(), coil=coil), ())
     own = [e for e in findings.estimates if e.name in (OFFSET, SCALE, LEAN)]
-    assert {e.method for e in own} == {"least-squares-in-coil"}
+    assert {e.extra["frame"] for e in own} == {"coil"}
     assert all("probe_x_mm" in e.sensitivities for e in own)
     findings = replace(findings, estimates=own, inputs=[*at.inputs])
     assert wrong_sensitivities(findings, findings.inputs) == {}
