@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from station.console import tell
-from station.dataset_reading import read_dataset
+from station.dataset_reading import DATASET_FILE, read_dataset
 from station.errors import DamagedRecord, InputError, reason_of
 from station.files.lookup import is_there
 from station.findings import Findings
@@ -17,6 +17,7 @@ from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
 from station.record.integrity import MAX_FLAGS, first, sentence_of
 from station.record.later import add_revision, draft_revision
 from station.record.layout import EVENTS
+from station.record.run_names import runs_below
 from station.report.numbers import format_like, format_result
 from station.results import ResultDocument
 from station.runner.evaluation import (
@@ -97,6 +98,12 @@ def analyse_data(
     if is_there(data / EVENTS):
         document = analyse_run(data, output, propagate, compare=compare)
     else:
+        if not is_there(data / DATASET_FILE) and (runs := len(runs_below(data))):
+            raise InputError(
+                f"{data} holds {runs} runs, and is neither a run nor a dataset; name one of them, "
+                "or have every run evaluated again by `station analyse --all`, which has no "
+                "--monte-carlo"
+            )
         if compare:
             raise InputError(f"{data} is a dataset; it has no stored results to compare with")
         document = analyse_dataset(data, output, propagate)

@@ -11,6 +11,7 @@ from station.cli.analysing import made
 from station.clock import RealClock
 from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
+from station.files.faults import listed, meant, nearest
 from station.findings import Findings
 from station.reanalysis.one_run import Row
 from station.record.layout import EVENTS
@@ -54,6 +55,8 @@ def analyse_store(
 
     for several in reported(evaluated(folders, recall, scheduler), len(folders), say):
         rows.extend(several)
+    if recall and not any("recalled" in row for row in rows):
+        refuse_unknown(recall.replaces, folders)
     rows.sort(key=lambda row: row["folder"])
     write_table(rows, file)
     summary = summary_of(rows, len(folders), file)
@@ -106,6 +109,17 @@ def run_folders(store: Path) -> list[str]:
     if not folders:
         raise InputError(f"there is no run folder below {store}; name the folder that holds them")
     return folders
+
+
+def refuse_unknown(certificate: str, folders: Sequence[str]) -> None:
+    """Raise InputError where no run used a certificate, with those that runs used."""
+    from station.reanalysis.one_run import certificates_of
+
+    known = sorted({name for folder in folders for name in certificates_of(folder)})
+    if certificate not in known:
+        what = f"no run used certificate '{certificate}'; those that runs used: {listed(known)}"
+        near = nearest(certificate, known)
+        raise InputError(meant(what, f"'{near}'" if near else None))
 
 
 def summary_of(rows: Sequence[Row], runs: int, file: Path) -> dict[str, Any]:

@@ -54,6 +54,17 @@ def rows_of_run(path: str, recall: Recall | None = None) -> list[Row]:
     return [{**about, **row} for row in _results(document, _stored(folder))]
 
 
+def certificates_of(path: str) -> set[str]:
+    """Return the certificates of the instruments that a run used; none where it cannot be read."""
+    folder = RunFolder(Path(path))
+    try:
+        bench = read_plan_and_bench(folder)[1]
+        records = [bench.record(name) for name in used_instruments(folder)]
+    except (StationError, OSError, ValueError, LookupError, TypeError):
+        return set()
+    return {record.certificate for record in records if record and record.certificate}
+
+
 def _results(document: ResultDocument, stored: Mapping[str, Any]) -> Iterator[Row]:
     before = {(entry["name"], entry["axis"]): entry for entry in stored.get("results", ())}
     for entry in document.to_data()["results"]:

@@ -17,6 +17,7 @@ from pyarrow import parquet
 from quick_yaml import dump_yaml, load_yaml
 
 from station import registry
+from station.cli.analysing import analyse_data
 from station.cli.app import app
 from station.cli.reanalysing import analyse_store, refuse_without_all, run_folders
 from station.errors import InputError
@@ -100,6 +101,29 @@ def test_a_recalled_certificate_moves_what_used_it_and_nothing_else(
     assert rows_of_run(str(run), read_recall(recalled(tmp_path, replaces="SIM-F71-0009"))) == []
     assert rows_of_run(str(run), read_recall(recalled(tmp_path, since="2099-01-01"))) == []
     assert rows_of_run(str(run), read_recall(recalled(tmp_path, since="2020-01-01"))) == rows
+
+
+def test_a_certificate_that_no_run_used_is_refused_with_those_that_runs_used(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with LocalCluster(
+        n_workers=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as there:
+        scheduler = there.scheduler_address
+        with pytest.raises(
+            InputError, match=r"certificate 'SIM-F71-001'; .*did you mean 'SIM-F71-0001'"
+        ) as raised:
+            wrong = recalled(tmp_path, replaces="SIM-F71-001")
+            analyse_store(store / "a", tmp_path, scheduler, wrong, as_json=False)
+        none_since = recalled(tmp_path, since="2099-01-01")
+        assert analyse_store(store / "a", tmp_path, scheduler, none_since, as_json=False) == 0
+    assert "SIM-BOARD-0001" in str(raised.value)
+    assert "0 of 1 runs used certificate SIM-F71-0001" in capsys.readouterr().out
+
+
+def test_a_folder_of_runs_is_no_dataset(store: Path) -> None:
+    with pytest.raises(InputError, match="holds 1 runs, and is neither a run nor a dataset"):
+        analyse_data(store / "a", None, compare=False, as_json=False)
 
 
 def test_what_will_fail_at_the_end_fails_at_the_beginning(
