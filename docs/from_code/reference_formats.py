@@ -167,6 +167,8 @@ RUN_EVENTS = {
     "outside-certified-range": "a calibration record states the uncertainty over another range: a "
     "warning",
     "calibration-overdue": "a calibration was due before today: a warning",
+    "check-standard-alarm": "an alarm of a check standard of the bench stands: a warning, a flag",
+    "history-unread": "the history could not be asked for alarms of check standards: a warning",
     "calibration-unused": "a calibration record states what the analysis does not use: a warning",
     "system-clock-unsynchronised": "nothing keeps the computer's clock right: a warning",
     "system-clock-jumped": "the computer's clock was set while the run went on; no data change",

@@ -8,12 +8,15 @@ from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
+from station.clock import utc_now
 from station.console import tell
 from station.errors import InputError
+from station.history.alarms import Alarm, Known, alarms_named, alarms_of
 from station.history.series import Series, series_of
-from station.history.store import Entry, History, Wanted
+from station.history.store import Acknowledgement, Entry, History, Wanted
 from station.record.files import write_whole_file
 from station.report.numbers import format_with_uncertainty
+from station.safety.acknowledgement import user_name
 from station.speech import in_columns, said, show
 
 NEWEST = 20
@@ -26,19 +29,68 @@ def show_history(
     """Take in what is new below `parent`, then print, plot or give the results asked for."""
     with closing(History(parent)) as history:
         count, left_out = history.rebuild() if rebuild else history.take_in()
-        entries = history.results(wanted)
+        entries, known = history.results(wanted), history.acknowledgements()
+    alarms = alarms_of(entries, known)
     for sentence in left_out:
         tell(f"WARNING: {sentence}")
     if rebuild:
         tell(f"{count} runs taken into the history")
     if page is not None:
-        _write(page, entries, wanted)
+        _write(page, entries, wanted, known)
     elif as_json:
-        print(json.dumps({"results": [asdict(entry) for entry in entries]}, indent=1))
+        results = [asdict(entry) for entry in entries]
+        told = {"results": results, "alarms": [alarm.to_data() for alarm in alarms]}
+        print(json.dumps(told, indent=1, ensure_ascii=False))
     elif entries:
         print("\n\n".join("\n".join(lines(series)) for series in series_of(entries)))
+        for line in lines_of_alarms(alarms):
+            print(line)
     else:
         show(f"no results {about(wanted)}")
+
+
+def acknowledge_alarms(
+    parent: Path, names: Sequence[str], reason: str, *, new_baseline: bool, as_json: bool
+) -> None:
+    """Keep that this user took note of alarms; raises InputError without a reason, or an alarm."""
+    if not any(sign.isalnum() for sign in reason):
+        raise InputError("say by --reason what the cause was, and what was done about it")
+    with closing(History(parent)) as history:
+        for sentence in history.take_in()[1]:
+            tell(f"WARNING: {sentence}")
+        entries = history.results(Wanted(check_standard=True))
+        alarms = alarms_named(alarms_of(entries, history.acknowledgements()), names)
+        now, who = utc_now().isoformat(timespec="seconds"), user_name() or "unknown"
+        history.acknowledge(
+            Acknowledgement(
+                alarm.identity, alarm.sentence(), who, now, reason.strip(), new_baseline
+            )
+            for alarm in alarms
+        )
+        known = history.acknowledgements()
+    done = alarms_named(alarms_of(entries, known), [alarm.identity for alarm in alarms])
+    if as_json:
+        told = {"alarms": [alarm.to_data() for alarm in done]}
+        print(json.dumps(told, indent=1, ensure_ascii=False))
+        return
+    for line in lines_of_alarms(done):
+        print(line)
+    if new_baseline:
+        show("the next run of the standard begins a new baseline")
+
+
+def lines_of_alarms(alarms: Sequence[Alarm]) -> list[str]:
+    """Return a line about each of the newest alarms, and one for each time it was acknowledged."""
+    printed = list[str]()
+    for alarm in alarms[-NEWEST:]:
+        state = said("STANDS" if alarm.stands else "acknowledged")
+        bench = f"{said('bench')} {alarm.entry.bench}"
+        printed.append(f"{alarm.identity}  {state}  {bench}  {said(alarm.sentence())}")
+        for note in alarm.acknowledged:
+            anew = f"  {said('new baseline')}" if note.new_baseline else ""
+            printed.append(f"    {note.acknowledged_utc}  {note.who}  {note.reason}{anew}")
+    heading = [said("alarms of check standards:")] if alarms else []
+    return heading + printed
 
 
 def about(wanted: Wanted) -> str:
@@ -92,13 +144,14 @@ def _verdict(series: Series) -> list[str]:
     return sentences
 
 
-def _write(page: Path, entries: Sequence[Entry], wanted: Wanted) -> None:
+def _write(page: Path, entries: Sequence[Entry], wanted: Wanted, known: Known) -> None:
     from station.history.page import page_of
 
     if not entries:
         raise InputError(f"there are no results {about(wanted)} to plot")
     try:
-        write_whole_file(page, page_of(series_of(entries), f"Results {about(wanted)}.").encode())
+        text = page_of(series_of(entries), f"Results {about(wanted)}.", known)
+        write_whole_file(page, text.encode())
     except OSError as error:
         raise InputError(f"cannot write {page}: {error.strerror}") from error
     show(f"history: {page}")

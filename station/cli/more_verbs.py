@@ -117,13 +117,32 @@ def history(
         bool, typer.Option("--rebuild", help="Read every run folder again first.")
     ] = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write plots.")] = None,
+    acknowledge: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ID", help="Take note of an alarm of a check standard."),
+    ] = None,
+    reason: Annotated[
+        str | None,
+        typer.Option(metavar="TEXT", help="With --acknowledge: the cause, and what was done."),
+    ] = None,
+    new_baseline: Annotated[
+        bool,
+        typer.Option("--new-baseline", help="With --acknowledge: its chart begins anew after it."),
+    ] = False,
     output: Output = Path("runs"),
     json: Json = False,
 ) -> None:
     """Show results of past runs over time."""
-    from station.cli.history import show_history
+    from station.cli.history import acknowledge_alarms, show_history
     from station.history.store import Wanted
 
+    if acknowledge:
+        acknowledge_alarms(
+            output, acknowledge, reason or "", new_baseline=new_baseline, as_json=json
+        )
+        return
+    if reason is not None or new_baseline:
+        raise typer.BadParameter("--reason and --new-baseline go with --acknowledge ID")
     wanted = Wanted(dut, procedure, bench, result, check_standards or None)
     show_history(output, wanted, rebuild=rebuild, page=html, as_json=json)
 

@@ -2,35 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from station.console import tell
 from station.errors import StationError
 from station.history.place import is_kept
+from station.record.events import STANDARD_ALARM
+from station.runner.preflight import Warned
+
+if TYPE_CHECKING:
+    from station.history.alarms import Alarm
+    from station.history.store import Entry, History
+
+MANY = 5
+"""Alarms that a run names each."""
 
 
-def out_of_control(bench: str, runs: Path) -> list[str]:
+def standing_alarms(bench: str, runs: Path) -> list[Warned]:
     """Return what the check standards of a bench speak against it; `bench` is its file's name."""
     if not is_kept(runs):
         return []
-    from station.history.series import drifted
-    from station.history.store import History, Wanted
+    from station.history.store import History
 
     try:
         with closing(History(runs)) as history:
-            sentences = drifted(history.results(Wanted(bench=bench, check_standard=True)))
+            alarms = alarms_standing(history, lambda entry: entry.bench == bench)
     except StationError as error:
-        return [str(error)]
-    return [
-        f"bench {bench} is out of control: {sentence}; look at `station history --bench {bench} "
-        "--check-standards` before you trust this run"
-        for sentence in sentences
+        return [Warned("history-unread", str(error))]
+    warned = [
+        Warned(
+            STANDARD_ALARM,
+            f"alarm {alarm.identity} of bench {bench} stands until somebody acknowledges it with a "
+            f"reason (`station history --bench {bench} --check-standards`): {alarm.sentence()}",
+        )
+        for alarm in alarms[-MANY:]
     ]
+    if len(alarms) > MANY:
+        older = f"{len(alarms) - MANY} older alarms of bench {bench} stand too"
+        warned.append(Warned(STANDARD_ALARM, older))
+    return warned
 
 
 def remember(folder: Path) -> None:
-    """Take a run that has ended into the history."""
+    """Take a run that has ended into the history, and say what alarm it raises."""
     if not is_kept(folder.parent):
         return
     from station.history.store import History
@@ -38,5 +55,18 @@ def remember(folder: Path) -> None:
     try:
         with closing(History(folder.parent)) as history:
             history.take_one(folder)
+            raised = alarms_standing(history, lambda entry: entry.run == folder.name)
     except StationError as error:
         tell(f"WARNING: the run is not in the history: {error}")
+        return
+    for alarm in raised:
+        tell(f"WARNING: this run raises alarm {alarm.identity}: {alarm.sentence()}")
+
+
+def alarms_standing(history: History, of: Callable[[Entry], bool]) -> list[Alarm]:
+    """Return the alarms that nobody acknowledged, of some of the results, oldest first."""
+    from station.history.alarms import alarms_of
+    from station.history.store import Wanted
+
+    alarms = alarms_of(history.results(Wanted(check_standard=True)), history.acknowledgements())
+    return [alarm for alarm in alarms if alarm.stands and of(alarm.entry)]

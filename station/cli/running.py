@@ -6,13 +6,14 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from station.cli.analysing import print_document
-from station.cli.remembering import out_of_control, remember
+from station.cli.remembering import remember, standing_alarms
 from station.cli.validating import read_bench_named, read_plan_for, read_served
 from station.console import OutputLost, span, tell
 from station.control.channel import go_on
@@ -81,9 +82,8 @@ def run_plan(
         trace=trace,
         rehearse=rehearse,
     )
-    for sentence in out_of_control(request.bench.path.stem, output):
-        tell(f"WARNING: {sentence}")
-    outcome = execute(request)
+    alarms = standing_alarms(request.bench.path.stem, output)
+    outcome = execute(replace(request, warned=alarms))
     exit_code = report_outcome(outcome, request.plan.procedure, as_json=as_json)
     remember(outcome.folder)
     return exit_code

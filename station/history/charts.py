@@ -19,7 +19,10 @@ D4 = 3.267
 FEWEST = 8
 """Values before a chart has limits: fewer leave sigma uncertain by more than a third."""
 BASELINE = 20
-"""The limits are those of the first so many values, and stay: a drift must not widen them."""
+"""The limits are those of the first so many values, and stay: a drift must not widen them.
+
+Before there are so many, a value is judged by those there were when it came: an alarm stays.
+"""
 
 
 @dataclass(frozen=True)
@@ -31,8 +34,8 @@ class Chart:
 
     centre: float
     sigma: float
-    baseline: int
     largest_range: float
+    baseline: int
     alarms: dict[int, str]
     newest: int
 
@@ -44,23 +47,26 @@ class Chart:
 
 def chart_of(values: Sequence[float]) -> Chart | None:
     """Return the chart of values in their order; None where there are too few of them."""
-    baseline = min(BASELINE, len(values))
-    if baseline < FEWEST:
+    if len(values) < FEWEST:
         return None
-    first = values[:baseline]
-    centre = fmean(first)
-    moving = [abs(b - a) for a, b in pairwise(first)]
-    sigma = fmean(moving) / D2
     alarms = dict[int, str]()
     for number in range(len(values)):
+        centre, sigma, largest = _limits(values[: max(number + 1, FEWEST)])
         latest = values[max(number + 1 - FEWEST, 0) : number + 1]
         rule = broken_rule([value - centre for value in latest], sigma)
+        if not rule and len(latest) > 1 and abs(latest[-1] - latest[-2]) > largest:
+            rule = "away from the one before by more than the range's limit"
         if rule:
             alarms[number] = rule
-    for number in range(1, len(values)):
-        if abs(values[number] - values[number - 1]) > D4 * fmean(moving):
-            alarms.setdefault(number, "differs from the one before by more than the range's limit")
-    return Chart(centre, sigma, baseline, D4 * fmean(moving), alarms, len(values) - 1)
+    baseline = min(BASELINE, len(values))
+    return Chart(*_limits(values), baseline=baseline, alarms=alarms, newest=len(values) - 1)
+
+
+def _limits(values: Sequence[float]) -> tuple[float, float, float]:
+    """Return centre, sigma and largest moving range by the baseline of some values."""
+    first = values[:BASELINE]
+    range_ = fmean(abs(b - a) for a, b in pairwise(first))
+    return fmean(first), range_ / D2, D4 * range_
 
 
 def broken_rule(deviations: Sequence[float], sigma: float) -> str:

@@ -7,10 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 
 from station.decision import Limit
+from station.history.alarms import Known, alarms_of, rows_of_standards
 from station.history.charts import FEWEST, Chart
 from station.history.series import Series
 from station.history.store import Entry
@@ -38,32 +40,45 @@ BINS_AT_MOST = 20
 SECONDS_PER_DAY = 86400.0
 
 
-def page_of(series: Sequence[Series], about: str) -> str:
-    """Return the page of some rows of results; `about` says what was asked for."""
-    return render_parts(
-        "Results over time", about, [part for row in series for part in _parts(row)]
-    )
+def page_of(series: Sequence[Series], about: str, known: Known = MappingProxyType({})) -> str:
+    """Return the page of some rows of results; `about` says what was asked for.
+
+    `known` is who took note of which alarm.
+    """
+    parts = [part for row in series for part in _parts(row, known)]
+    return render_parts("Results over time", about, [*_alarms(series, known), *parts])
 
 
-def _parts(series: Series) -> Iterator[Part]:
+def _alarms(series: Sequence[Series], known: Known) -> Iterator[Part]:
+    """Yield a table of the alarms of check standards, the newest first."""
+    rows = [
+        (
+            alarm.identity,
+            alarm.entry.bench,
+            alarm.sentence(),
+            "; ".join(
+                f"{note.who}, {note.acknowledged_utc[:10]}: {note.reason}"
+                for note in alarm.acknowledged
+            )
+            or "STANDS",
+        )
+        for alarm in reversed(alarms_of([e for row in series for e in row.entries], known))
+    ]
+    if rows:
+        columns = ("Alarm", "Bench", "Value", "Acknowledged")
+        yield first_rows("Alarms of check standards", "The newest first.", columns, rows)
+
+
+def _parts(series: Series, known: Known) -> Iterator[Part]:
     """Yield what is drawn of one row of results."""
     if not series.values:
         return
     title = f"{series.procedure}: {series.title}"
     yield _over_time(title, series)
-    standards = [entry for entry in series.entries if entry.check_standard]
-    for serial in dict.fromkeys(standard.serial for standard in standards):
-        own = Series(
-            series.procedure,
-            series.name,
-            series.axis,
-            series.unit,
-            series.simulated,
-            [standard for standard in standards if standard.serial == serial],
-        )
+    for own in rows_of_standards(series.entries, known):
         chart = own.chart()
         if chart is not None:
-            yield _chart(f"{title}, check standard {serial}", own, chart)
+            yield _chart(f"{title}, check standard {own.entries[0].serial}", own, chart)
     units = series.newest_of_each_unit()
     if len(units) >= FEWEST:
         yield _units(f"{title}, over the units", series, units)

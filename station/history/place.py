@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 URL = "STATION_HISTORY"
 """The environment variable that names another database, such as `postgresql+psycopg://…`."""
 FILE = ".history.sqlite3"
 """Hidden, so that `runs/*` stays the run folders alone."""
+DATABASE = re.compile(r"(sqlite|postgresql|mysql|mariadb|mssql|oracle)(\+\w+)?://")
+"""How the URL of a database begins, unlike that of a place with run folders."""
 
 
 def url_of(parent: Path) -> str:

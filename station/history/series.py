@@ -61,23 +61,3 @@ def series_of(entries: Iterable[Entry]) -> list[Series]:
         key = (entry.procedure, entry.name, entry.axis, entry.unit, entry.simulated)
         groups.setdefault(key, []).append(entry)
     return [Series(*key, entries) for key, entries in groups.items()]
-
-
-def drifted(entries: Iterable[Entry]) -> list[str]:
-    """Return a sentence for each result of check standards whose newest value is out of control.
-
-    Each standard has a chart of its own: two of them differ by more than either wanders.
-    """
-    sentences = []
-    by_unit = dict[str, list[Entry]]()
-    for entry in entries:
-        by_unit.setdefault(entry.serial, []).append(entry)
-    for serial, mine in by_unit.items():
-        for series in series_of(mine):
-            chart = series.chart()
-            if chart is not None and chart.out_of_control:
-                sentences.append(
-                    f"check standard {serial}: {series.title} of {mine[-1].started_utc[:10]} is "
-                    f"{chart.alarms[chart.newest]}"
-                )
-    return sentences

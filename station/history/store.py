@@ -6,7 +6,7 @@ import re
 import socket
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,14 @@ from sqlalchemy import (
     create_engine,
     delete,
     insert,
+    or_,
     select,
 )
 
 from station.errors import InputError, StationError
 from station.history.place import FILE, URL, beside, url_of
 from station.history.summary import DAMAGE, RunSummary, key_of, manifest_head, summary_of
-from station.history.tables import INSTRUMENTS, RESULTS, RUNS
+from station.history.tables import ACKNOWLEDGEMENTS, INSTRUMENTS, RESULTS, RUNS
 from station.history.versions import bring_up_to_date
 from station.record.run_names import runs_below
 from station.record.verification import was_in
@@ -47,6 +48,7 @@ TEXTS = (
     "unit",
     "verdict",
 )
+SEARCHED = ("run", "serial", "operator", "verdict", "state")
 _HERE = socket.gethostname()
 
 
@@ -80,6 +82,7 @@ class Entry:
     simulated: bool
     check_standard: bool
     head: str
+    key: str | None
     name: str
     axis: str | None
     value: float | None
@@ -91,13 +94,33 @@ class Entry:
     verdict: str
 
 
+@dataclass(frozen=True)
+class Acknowledgement:
+    """That somebody took note of an alarm, of which `sentence` says what it was.
+
+    With `new_baseline` the chart begins anew with the run after it: the bench was repaired.
+    """
+
+    alarm: str
+    sentence: str
+    who: str
+    acknowledged_utc: str
+    reason: str
+    new_baseline: bool
+
+
 class History:
     """The history below one place; every call may raise HistoryError."""
 
-    def __init__(self, parent: Path) -> None:
-        """Open the history of the run folders below `parent`, and bring its tables up to date."""
+    def __init__(self, parent: Path, url: str | None = None) -> None:
+        """Open the history of the run folders below `parent`, and bring its tables up to date.
+
+        With `url` it is the one there, wherever it is kept.
+        """
         self._parent = parent
-        self.url = url_of(parent)
+        self.url = url or url_of(parent)
+        if url is not None and url.startswith("sqlite:///") and not Path(url[10:]).is_file():
+            raise InputError(f"there is no file {url[10:]}, and so no history")
         if self.url == beside(parent) and not parent.is_dir():
             raise InputError(f"there is no folder {parent}, and so no history of its runs")
         with _named(self.url):
@@ -151,6 +174,33 @@ class History:
         with self._begun() as connection:
             rows = connection.execute(_query(wanted)).mappings()
             return [_entry(row) for row in rows]
+
+    def runs(self, search: str = "", most: int | None = None, skip: int = 0) -> list[RowMapping]:
+        """Return the newest runs but the first few, at most so many, as they were taken in.
+
+        Those alone of which a word holds the text.
+        """
+        searched = (getattr(RUNS.c, name) for name in SEARCHED)
+        holds = or_(*(column.icontains(search, autoescape=True) for column in searched))
+        query = select(RUNS).order_by(RUNS.c.started_utc.desc(), RUNS.c.run.desc())
+        query = query.where(holds) if search else query
+        with self._begun() as connection:
+            return [*connection.execute(query.limit(most).offset(skip)).mappings()]
+
+    def acknowledge(self, acknowledgements: Iterable[Acknowledgement]) -> None:
+        """Keep who took note of alarms."""
+        with self._begun() as connection:
+            connection.execute(insert(ACKNOWLEDGEMENTS), [asdict(a) for a in acknowledgements])
+
+    def acknowledgements(self) -> dict[str, list[Acknowledgement]]:
+        """Return who took note of each alarm, the first of them first."""
+        columns = [ACKNOWLEDGEMENTS.c[field.name] for field in fields(Acknowledgement)]
+        query = select(*columns).order_by(ACKNOWLEDGEMENTS.c.id)
+        known = dict[str, list[Acknowledgement]]()
+        with self._begun() as connection:
+            for row in connection.execute(query).mappings():
+                known.setdefault(row["alarm"], []).append(Acknowledgement(**row))
+        return known
 
     def head_of(self, folder: Path) -> str | None:
         """Return the head that a run had when it was taken in; None for one that is not known."""
@@ -282,7 +332,7 @@ def _named(url: str) -> Iterator[None]:
         shown = url.rpartition("@")[2]
         sentence = CLASS.sub("", str(error).partition("\n")[0])
         raise HistoryError(
-            f"the history at {shown} cannot be used: {sentence}; the run folders hold all of it: "
-            f"mend the database or the URL in {URL}, or delete {FILE}, and run "
-            "`station history --rebuild`"
+            f"the history at {shown} cannot be used: {sentence}; the run folders hold all of it "
+            f"but who acknowledged which alarm: mend the database or the URL in {URL}, or delete "
+            f"{FILE}, and run `station history --rebuild`"
         ) from error

@@ -70,3 +70,16 @@ INSTRUMENTS = Table(
     Column("serial", String, nullable=False, index=True),
     Index("instruments_of_a_run", "run_id"),
 )
+
+ACKNOWLEDGEMENTS = Table(
+    "acknowledgements",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("alarm", String, nullable=False, index=True),
+    Column("sentence", String, nullable=False),
+    Column("who", String, nullable=False),
+    Column("acknowledged_utc", String, nullable=False),
+    Column("reason", String, nullable=False),
+    Column("new_baseline", Boolean, nullable=False),
+)
+"""Who took note of an alarm, and why; rows are added alone, and no folder of a run holds them."""

@@ -27,7 +27,7 @@ from station.findings import Findings, Flag
 from station.instruments.bench import Bench
 from station.parts import parts_of_text, text_of_parts
 from station.procedure import Procedures, check_findings, procedure_of
-from station.record.events import RESUMED, SAFE_STATE, TIME_MISSED
+from station.record.events import RESUMED, SAFE_STATE, STANDARD_ALARM, TIME_MISSED
 from station.record.files import write_whole_file
 from station.record.folder import PLOTS, REPORT, RESULTS, RunFolder
 from station.record.later import add_own_revision, draft_revision
@@ -132,6 +132,14 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
                 "was not made safe yet; run `station analyse` again once the run has ended.",
             )
         )
+    flags.extend(
+        Flag(
+            "check-standard-alarm",
+            "A check standard spoke against the bench when the run began: "
+            f"{event.details['message']}.",
+        )
+        for event in folder.events_of(STANDARD_ALARM)
+    )
     flags.extend(flags_of_gaps(folder))
     flags.extend(flags_of_guardians(folder))
     flags.extend(flags_of_missed_time(folder))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +29,7 @@ from station.record.integrity import hash_of_data
 from station.record.layout import BENCH, BENCH_AS_WRITTEN, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
-from station.runner.preflight import preflight, watch_system_clock
+from station.runner.preflight import Warned, preflight, watch_system_clock
 from station.runner.progress import Progress, how_long
 from station.runner.run import ActingRun
 from station.runner.session import BenchSession, Replay
@@ -65,6 +65,8 @@ class Request:
     """A file to write the run folder into: this process is detached, and has no terminal."""
     replay: Replay | None = None
     """The transcript that takes the place of every instrument."""
+    warned: Sequence[Warned] = ()
+    """What the operator should know of the bench before this run."""
 
 
 def execute(request: Request) -> Outcome:
@@ -88,7 +90,8 @@ def execute(request: Request) -> Outcome:
             detached=request.announce is not None,
         )
         operator.check(all_prompts(procedure, plan, bench))
-        warned = preflight(plan, procedure, bench, request.output, clock, real=session.real)
+        warned = [*request.warned]
+        warned += preflight(plan, procedure, bench, request.output, clock, real=session.real)
         inputs = inputs_of(procedure, plan)
         head: dict[str, str | bytes] = {
             **head_of(plan, bench, clock, request.served),

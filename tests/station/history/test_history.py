@@ -15,15 +15,16 @@ from socket import gethostname
 import pytest
 from alembic import command
 from alembic.config import Config
-from command_line import station
+from command_line import PLAN, station
 from for_people import need_sentences
 from history_runs import made_run
 from sqlalchemy import create_engine
 
-from station.cli.history import lines
-from station.cli.remembering import out_of_control, remember
+from station.cli.history import acknowledge_alarms, lines
+from station.cli.remembering import remember, standing_alarms
 from station.cli.verifying import against_history, verify_runs
 from station.errors import InputError
+from station.history.alarms import alarms_of, rows_of_standards
 from station.history.page import page_of
 from station.history.place import FILE, URL
 from station.history.series import series_of
@@ -92,7 +93,8 @@ def test_a_broken_database_is_one_sentence_and_keeps_no_run_from_its_end(
         History(tmp_path)
     remember(folder)
     assert "the run is not in the history" in capsys.readouterr().err
-    assert "cannot be used" in out_of_control("sim", tmp_path)[0]
+    [warned] = standing_alarms("sim", tmp_path)
+    assert "cannot be used" in warned.sentence
 
 
 def test_a_url_without_its_package_is_named_without_its_password(
@@ -164,7 +166,7 @@ def test_tables_of_a_first_version_are_brought_up_to_date(tmp_path: Path) -> Non
     # What was there is read again and has its key; what is gone is kept as it was.
     assert kept(tmp_path) == [("SN-1", 1.1), ("OLD-2", 1.5)]
     with closing(sqlite3.connect(tmp_path / FILE)) as database:
-        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("0002",)]
+        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("0003",)]
         rows = database.execute("SELECT run, computer, key IS NULL FROM runs").fetchall()
     assert sorted(rows) == [(there.name, gethostname(), 0), ("gone", "lab", 1)]
 
@@ -303,7 +305,7 @@ def test_a_damaged_database_keeps_nobody_from_a_run_nor_from_verify(
     DAMAGES[damage](tmp_path / FILE)
     folder = made_run(tmp_path, 30, 1.2)
     assert verify_runs([folder], as_json=False) == 0
-    out_of_control("sim", tmp_path)
+    standing_alarms("sim", tmp_path)
     remember(folder)
     need_sentences(capsys.readouterr().err, damage)
 
@@ -313,15 +315,89 @@ def standards(parent: Path, values: list[float]) -> None:
         made_run(parent, day, value, serial="STD", standard=True)
 
 
-def test_a_check_standard_that_wanders_off_is_a_warning_before_the_next_run(tmp_path: Path) -> None:
-    steady = [SPREAD.gauss(1.0, 0.01) for _ in range(20)]
-    standards(tmp_path, [*steady, 1.0])
+STEADY = [1.0, 1.01, 0.99, 1.005, 0.995, 1.01, 0.99, 1.0, 1.005, 0.995]
+"""Values of a check standard of which none breaks a rule."""
+
+
+def wandered(parent: Path) -> str:
+    """Make a history of a check standard that wandered off; return the name of its alarm."""
+    standards(parent, STEADY)
+    kept(parent)
+    remember(made_run(parent, 30, 1.2, serial="STD", standard=True))
+    with closing(History(parent)) as history:
+        alarms = alarms_of(history.results(), history.acknowledgements())
+    return [alarm.identity for alarm in alarms if alarm.stands][-1]
+
+
+def test_an_alarm_of_a_check_standard_stands_until_somebody_acknowledges_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    standards(tmp_path, STEADY)
     kept(tmp_path)
-    assert out_of_control("sim", tmp_path) == []
+    assert standing_alarms("sim", tmp_path) == []
     remember(made_run(tmp_path, 30, 1.2, serial="STD", standard=True))
-    [warning] = out_of_control("sim", tmp_path)
-    assert "more than 3 sigma above" in warning
-    assert out_of_control("sim-alternate", tmp_path) == []
+    assert "this run raises alarm" in capsys.readouterr().err
+    [warned] = standing_alarms("sim", tmp_path)
+    assert "more than 3 sigma above" in warned.sentence
+    assert standing_alarms("sim-alternate", tmp_path) == []
+    remember(made_run(tmp_path, 31, 1.0, serial="STD", standard=True))  # well again
+    assert warned in standing_alarms("sim", tmp_path)
+    with closing(History(tmp_path)) as history:
+        history.rebuild()
+    assert warned in standing_alarms("sim", tmp_path)
+    names = [words.sentence.split()[1] for words in standing_alarms("sim", tmp_path)]
+    with pytest.raises(InputError, match=f"no alarm nothing; those that stand: {names[0]}"):
+        acknowledge_alarms(tmp_path, ["nothing"], "why", new_baseline=False, as_json=False)
+    for reason in ("", " . "):
+        with pytest.raises(InputError, match="--reason"):
+            acknowledge_alarms(tmp_path, names, reason, new_baseline=False, as_json=False)
+    acknowledge_alarms(tmp_path, names, "a loose clamp", new_baseline=False, as_json=False)
+    assert "a loose clamp" in capsys.readouterr().out
+    assert standing_alarms("sim", tmp_path) == []
+    with closing(History(tmp_path)) as history:
+        history.rebuild()
+        notes = history.acknowledgements()[names[0]]
+    assert standing_alarms("sim", tmp_path) == []
+    assert [(note.reason, bool(note.who)) for note in notes] == [("a loose clamp", True)]
+
+
+def test_a_run_is_flagged_while_an_alarm_of_its_bench_stands(tmp_path: Path) -> None:
+    name = wandered(tmp_path / "runs")
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, "run", "plan.yaml", "--json", CI="true")
+    assert f"WARNING: alarm {name} of bench sim stands until" in done.stderr
+    document = json.loads(done.stdout)
+    flags = {flag["code"]: flag["message"] for flag in document["flags"]}
+    assert name in flags["check-standard-alarm"]
+    assert name in (tmp_path / document["run"] / "report.html").read_text(encoding="utf-8")
+
+
+def test_after_a_repair_the_chart_begins_anew(tmp_path: Path) -> None:
+    name = wandered(tmp_path)
+    acknowledge_alarms(tmp_path, [name], "new coil", new_baseline=True, as_json=False)
+    for day in range(8):
+        remember(made_run(tmp_path, 40 + day, 1.2 + day % 2 / 100, serial="STD", standard=True))
+    assert standing_alarms("sim", tmp_path) == []
+    with closing(History(tmp_path)) as history:
+        rows = rows_of_standards(history.results(), history.acknowledgements())
+    assert [len(row.entries) for row in rows] == [11, 8]
+    remember(made_run(tmp_path, 50, 1.0, serial="STD", standard=True))  # as it was before
+    assert len(standing_alarms("sim", tmp_path)) == 1
+
+
+def test_alarms_are_printed_in_the_document_and_on_the_page(tmp_path: Path) -> None:
+    name = wandered(tmp_path)
+    asked = ("history", "--check-standards", "--output", ".")
+    assert f"{name}  STANDS  bench sim  check standard STD" in station(tmp_path, *asked).stdout
+    done = station(tmp_path, *asked[:1], "--acknowledge", name, "--reason", "a clamp", *asked[2:])
+    assert done.returncode == 0, done.stderr
+    told = json.loads(station(tmp_path, *asked, "--json").stdout)["alarms"][-1]
+    assert (told["alarm"], told["stands"]) == (name, False)
+    assert told["acknowledged"][0]["reason"] == "a clamp"
+    station(tmp_path, *asked, "--html", "page.html")
+    assert "a clamp" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    alone = station(tmp_path, *asked, "--reason", "a clamp")
+    assert (alone.returncode, "--acknowledge" in alone.stderr) == (2, True)
 
 
 def test_a_unit_and_a_type_are_shown_in_lines_and_as_a_page(tmp_path: Path) -> None:
