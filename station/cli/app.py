@@ -56,13 +56,20 @@ def list_(
     search: Annotated[
         str, typer.Option(metavar="TEXT", help="Of the runs: name, operator, verdict, state.")
     ] = "",
+    store: Annotated[
+        str, typer.Option(metavar="STORE", help="Folder of the runs, or URL of a history.")
+    ] = "runs",
+    page: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Of the runs: 1 is the newest 50.")
+    ] = 1,
     json: Json = False,
 ) -> None:
     """List procedures, plans, benches, drivers, runs."""
     from station.cli.looking import list_what_there_is
 
-    wanted = kind.value if kind else "runs" if search else None
-    list_what_there_is(wanted, search=search, as_json=json)
+    of_runs = search or page > 1 or store != "runs"
+    wanted = kind.value if kind else "runs" if of_runs else None
+    list_what_there_is(wanted, search=search, store=store, page=page, as_json=json)
 
 
 @app.command()
@@ -284,13 +291,18 @@ def status(
     watch: Annotated[
         bool, typer.Option("--watch", help="Show it again until the run ends; Ctrl-C stops.")
     ] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="With --json: a line at each change, to its end.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Show the state of a run, from its log alone."""
     from station.cli.looking import print_status
-    from station.cli.watching import watch_newest
+    from station.cli.watching import follow_newest, watch_newest
 
-    if watch:
+    if follow:
+        follow_newest(run, as_json=json and not watch)
+    elif watch:
         watch_newest(run, as_json=json)
     else:
         print_status(run, as_json=json)

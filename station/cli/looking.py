@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from shutil import get_terminal_size
 from typing import Any
@@ -14,6 +15,7 @@ from station.console import span, tell
 from station.control.status import Status, newest_run, read_status
 from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
+from station.history.place import DATABASE
 from station.procedure import procedure_of
 from station.record.events import whole_bench
 from station.record.run_list import newest_runs
@@ -22,20 +24,29 @@ from station.record.run_state import SENTENCES
 from station.record.verification import quick_look
 from station.speech import folded, padded, said, show
 
+RUNS_ON_A_PAGE = 50
 
-def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> None:
+
+def list_what_there_is(
+    kind: str | None, *, search: str = "", store: str = str(RUNS), page: int = 1, as_json: bool
+) -> None:
     """Print the names of one kind, or of all kinds, with a line about each.
 
-    `search` leaves the runs of which name, serial number, operator, verdict or state hold it.
+    Of the runs of a store, a page, newest first; `search` leaves those of which name, serial
+    number, operator, verdict or state hold it.
     """
     from station.roles.role import collected
 
     kinds = [kind] if kind else ["procedures", "plans", "benches", "drivers", "runs"]
-    tables = {what: entries(what, search) for what in kinds}
+    tables = {what: entries(what, search, store, page) for what in kinds}
+    older = len(tables.get("runs", ())) > RUNS_ON_A_PAGE
+    if "runs" in tables:
+        tables["runs"] = tables["runs"][:RUNS_ON_A_PAGE]
     for sentence in (*registry.offers()[1], *collected()[1]):
         tell(f"WARNING: {sentence}")
     if as_json:
-        print(json.dumps(tables, indent=1, ensure_ascii=False))
+        paged = {"page": page, "older": older} if "runs" in tables else {}
+        print(json.dumps({**tables, **paged}, indent=1, ensure_ascii=False))
         return
     for what, rows in tables.items():
         show(f"{what}:")
@@ -44,10 +55,14 @@ def list_what_there_is(kind: str | None, *, search: str = "", as_json: bool) -> 
             print(f"  {row['name']:<{width}}  {said(row['about'])}".rstrip())
         if not rows:
             show("  none")
+    if older:
+        show(f"older runs: --page {page + 1}")
 
 
-def entries(kind: str, search: str = "") -> list[dict[str, Any]]:
-    """Return name and a line about each thing of a kind."""
+def entries(
+    kind: str, search: str = "", store: str = str(RUNS), page: int = 1
+) -> list[dict[str, Any]]:
+    """Return name and a line about each thing of a kind; of runs a page, and the next one."""
     if kind == "procedures":
         return [
             {"name": name, "about": about(name)} for name in registry.names(registry.PROCEDURES)
@@ -65,7 +80,33 @@ def entries(kind: str, search: str = "") -> list[dict[str, Any]]:
             }
             for name in registry.names(registry.DRIVERS)
         ]
-    return [listed_run(run) for run in newest_runs(RUNS, search)]
+    wanted = search, RUNS_ON_A_PAGE + 1, RUNS_ON_A_PAGE * (page - 1)
+    if DATABASE.match(store):
+        return [listed_run(run) for run in runs_taken_in(store, *wanted)]
+    if store != str(RUNS) and not Path(store).is_dir():
+        raise InputError(
+            f"there is no folder {store}; name one with run folders, or the URL of a history"
+        )
+    return [listed_run(run) for run in newest_runs(Path(store), *wanted)]
+
+
+def runs_taken_in(url: str, search: str, most: int, skip: int) -> list[dict[str, Any]]:
+    """Return the runs of a history, each with what `list runs` says of a folder."""
+    from station.history.store import History
+
+    with closing(History(RUNS, url)) as history:
+        rows = history.runs(search, most, skip)
+    kept = ("run", "procedure", "bench", "serial", "operator", "verdict", "state")
+    return [
+        {
+            **{key: row[key] for key in kept},
+            "started": row["started_utc"],
+            "running": False,
+            "computer": row["computer"],
+            "folder": row["folder"],
+        }
+        for row in rows
+    ]
 
 
 def about(procedure: str) -> str:

@@ -1,16 +1,17 @@
-"""`station status --watch`: how a run stands, shown again until it ends; it changes nothing."""
+"""`station status --watch`, `--follow`: how a run stands until it ends; they change nothing."""
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from station.clock import RealClock, boot_seconds, local_time
+from station.clock import RealClock, boot_seconds, local_time, utc_now
 from station.console import span, tell
 from station.control.run_reader import RunReader, sentence_of_now
-from station.control.status import newest_run
+from station.control.status import is_active, newest_run, read_state, read_status
 from station.errors import InputError
 from station.record.layout import EVENTS
 from station.record.run_names import RUNS
@@ -85,6 +86,47 @@ def watch_in_lines(folder: Path, wait: Callable[[], None]) -> None:
         if state["state"] not in GOES_ON:
             return
         wait()
+
+
+def follow_newest(run: Path | None, *, as_json: bool) -> None:
+    """Follow a run, without one the newest below `runs`; raises InputError without `as_json`."""
+    if not as_json:
+        raise InputError("`--follow` goes with `--json` alone; `--watch` shows a run to a person")
+    follow_status(newest_run(RUNS) if run is None else run)
+
+
+def follow_status(folder: Path, wait: Callable[[], None] = pause_between_looks) -> None:
+    """Print a JSON document in a line at each change, until no process is at work on the run.
+
+    After a run that died that is its guardian, which makes the bench safe.
+    """
+    read_state(folder)  # which says where it is no run folder
+    reader = RunReader(folder)
+    last: tuple[Any, ...] | None = None
+    try:
+        while True:
+            at_work = is_active(folder)  # first: what ends meanwhile has then logged that
+            reader.read()
+            state = reader.state()
+            prompt = state["prompt"] and state["prompt"]["text"]
+            present = (
+                state["state"],
+                step_of(state),
+                state["units_done"],
+                state["message"],
+                prompt,
+                state["safe"],
+            )
+            if present != last:
+                now = utc_now().isoformat(timespec="milliseconds")
+                data = {"utc": now, **read_status(folder).to_data(), "prompt": prompt}
+                print(json.dumps(data, ensure_ascii=False), flush=True)
+                last = present
+            if not at_work and state["state"] not in GOES_ON:
+                return
+            wait()
+    except KeyboardInterrupt:
+        tell("\nstopped watching; the run is not affected")
 
 
 def step_of(state: dict[str, Any]) -> str:

@@ -16,18 +16,29 @@ RESULTS = "results.json"
 PLAN_FILE = re.compile(r"# (.+?), resolved$", re.MULTILINE)
 
 
-def newest_runs(runs: Path, search: str = "", most: int | None = None) -> list[dict[str, Any]]:
-    """Return the newest runs, at most so many; those alone of which a word holds the text."""
+def newest_runs(
+    runs: Path, search: str = "", most: int | None = None, skip: int = 0
+) -> list[dict[str, Any]]:
+    """Return the newest runs but the first few, at most so many.
+
+    Those alone of which a word holds the text.
+    """
     rows: list[dict[str, Any]] = []
     for folder in reversed(runs_below(runs)):
         if most is not None and len(rows) >= most:
             break
         if not folder.name.isprintable():  # nothing can be had of it
             continue
+        if skip and not search:  # it need not be read
+            skip -= 1
+            continue
         entry = entry_of(folder)
         named = (entry[key] for key in ("run", "serial", "operator", "verdict", "state"))
         if search.lower() in " ".join(filter(None, named)).lower():
-            rows.append(entry)
+            if skip:
+                skip -= 1
+            else:
+                rows.append(entry)
     return rows
 
 

@@ -11,7 +11,7 @@ import pytest
 from command_line import station
 from terminal import OnTerminal
 
-from station.cli.watching import watch_status
+from station.cli.watching import follow_status, watch_status
 from station.files.locks import FileLock
 from station.record.layout import EVENTS, LOCK
 from station.speech import cells, folded
@@ -98,6 +98,54 @@ def test_without_a_terminal_a_line_comes_with_every_change_until_the_run_ends(
     assert [int(re.findall(r"(\d+) of \d+ units", line)[0]) for line in lines[:2]] == [1, 2]
     assert len(lines) == 3
     assert re.match(r"\d\d:\d\d:\d\d  finished, S9, ", lines[2])
+
+
+def test_each_change_is_one_document_in_a_line_until_the_run_ends(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = copy / EVENTS
+    whole = log.read_text(encoding="utf-8")
+    states = iter([lines_until_unit(whole, 1), lines_until_unit(whole, 2), whole])
+    log.write_text(next(states), encoding="utf-8")
+    lock = FileLock(copy / LOCK)
+    looks = 0
+
+    def wait() -> None:
+        nonlocal looks
+        looks += 1
+        if looks % 2:  # every other look sees the run as it was
+            return
+        text = next(states)
+        log.write_text(text, encoding="utf-8")
+        if text == whole:
+            lock.release()
+
+    follow_status(copy, wait)
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["state"] for line in told] == ["running", "running", "finished"]
+    assert [len(line["units_finished"]) for line in told[:2]] == [1, 2]
+    assert [line["bench_safe"] for line in told] == [None, None, True]
+    assert all(line["utc"] and line["prompt"] is None for line in told)
+
+
+def test_a_run_that_dies_is_the_last_line_of_who_follows_it(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = (copy / EVENTS).read_text(encoding="utf-8")
+    (copy / EVENTS).write_text(lines_until_unit(whole, 1), encoding="utf-8")
+    lock = FileLock(copy / LOCK)
+    follow_status(copy, lock.release)
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["state"] for line in told] == ["running", "interrupted"]
+    assert told[-1]["bench_safe"] is None
+
+
+def test_following_is_for_programs_alone(copy: Path) -> None:
+    for others in ((), ("--watch", "--json")):
+        done = station(copy.parent, "status", str(copy), "--follow", *others)
+        assert (done.returncode, "goes with `--json`" in done.stderr) == (2, True)
+    done = station(copy.parent, "status", str(copy), "--follow", "--json")
+    assert json.loads(done.stdout)["state"] == "finished"
 
 
 def test_ctrl_c_leaves_the_run_alone(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,9 +18,10 @@ from alembic.config import Config
 from command_line import PLAN, station
 from for_people import need_sentences
 from history_runs import made_run
-from sqlalchemy import create_engine
+from sqlalchemy import create_engine, insert
 
 from station.cli.history import acknowledge_alarms, lines
+from station.cli.looking import entries
 from station.cli.remembering import remember, standing_alarms
 from station.cli.verifying import against_history, verify_runs
 from station.errors import InputError
@@ -29,6 +30,8 @@ from station.history.page import page_of
 from station.history.place import FILE, URL
 from station.history.series import series_of
 from station.history.store import History, HistoryError, Wanted
+from station.history.summary import summary_of
+from station.history.tables import RUNS
 from station.history.versions import MIGRATIONS
 from station.record.events import EventLog
 from station.record.later import record_later
@@ -432,6 +435,42 @@ def test_a_run_sealed_anew_is_not_the_one_of_the_history(
     write_manifest(folder)
     assert verify_runs([folder], as_json=False) == 1
     assert "the history" in capsys.readouterr().out
+
+
+def test_ten_thousand_runs_of_a_history_are_listed_by_pages(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'shared.sqlite3'}"
+    with pytest.raises(InputError, match="no file"):
+        entries("runs", store=url)
+    folder = made_run(tmp_path / "runs", 1, 1.1)
+    summary = summary_of(folder)
+    (tmp_path / "shared.sqlite3").touch()
+    with closing(History(tmp_path, url)):
+        pass
+    rows = [
+        {
+            **summary.run,
+            "key": str(number),
+            "run": f"run-{number}",
+            "started_utc": f"2026-01-{1 + number // 1000:02d}T{number % 1000:06d}",
+            "serial": f"SN_{number}",
+        }
+        for number in range(10_000)
+    ]
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(insert(RUNS), rows)
+    engine.dispose()
+    assert entries("runs", store=url)[0]["name"] == "run-9999"
+    names = [row["name"] for page in range(1, 202) for row in entries("runs", "", url, page)[:50]]
+    assert names == [f"run-{number}" for number in range(9999, -1, -1)]
+    assert [row["serial"] for row in entries("runs", "sn_123", url)][-1] == "SN_123"
+    assert len(entries("runs", "sn_123", url)) == 11
+    asked = ("list", "runs", "--store", url, "--page", "200")
+    done = json.loads(station(tmp_path, *asked, "--json").stdout)
+    assert (len(done["runs"]), done["page"], done["older"]) == (50, 200, False)
+    assert done["runs"][0]["operator"] == "mei"
+    asked = ("list", "--store", url)
+    assert station(tmp_path, *asked).stdout.endswith("older runs: --page 2\n")
 
 
 def test_the_verb_prints_one_document(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from station.cli.options import active_run, complete_run
 from station.control.status import newest_run
 from station.errors import InputError
 from station.files.locks import FileLock
+from station.record import run_list
 from station.record.events import EventLog
 from station.record.layout import EVENTS, LOCK
 from station.record.run_names import find_run, runs_below
@@ -80,6 +81,32 @@ def test_runs_are_listed_newest_first_and_one_without_a_stamp_by_when_it_began(
     newest_first = [NAMES[2], "copy", NAMES[1], NAMES[0], "unknown"]
     assert [entry["name"] for entry in entries("runs")] == newest_first
     assert newest_run(runs).name == NAMES[2]
+
+
+def test_runs_are_listed_by_pages_of_which_the_others_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(120):
+        folder = tmp_path / "store" / f"20260101T{number:06d}Z-rlg-magnetic-sensitivity-SN"
+        folder.mkdir(parents=True)
+        (folder / EVENTS).touch()
+    looks = list[Path]()
+    whole = run_list.entry_of
+    monkeypatch.setattr(run_list, "entry_of", lambda run: [looks.append(run), whole(run)][1])
+
+    def page(number: int, search: str = "") -> list[str]:
+        listed = entries("runs", search, str(tmp_path / "store"), number)
+        return [entry["name"][9:15] for entry in listed]
+
+    assert page(1) == [f"{number:06d}" for number in range(119, 68, -1)]
+    assert page(2)[:1] == page(2, "rlg")[:1] == ["000069"]
+    assert len(page(3)) == len(page(3, "RLG")) == 20
+    assert page(4) == page(1, "nothing") == []
+    looks.clear()
+    page(2)
+    assert len(looks) == 51
+    with pytest.raises(InputError, match="there is no folder"):
+        entries("runs", store=str(tmp_path / "nowhere"))
 
 
 def test_the_command_line_takes_a_part_of_a_name(runs: Path) -> None:
