@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from station.clock import utc_now
@@ -52,7 +52,10 @@ def show_history(
 def acknowledge_alarms(
     parent: Path, names: Sequence[str], reason: str, *, new_baseline: bool, as_json: bool
 ) -> None:
-    """Keep that this user took note of alarms; raises InputError without a reason, or an alarm."""
+    """Keep that this user took note of alarms; raises InputError without a reason, or an alarm.
+
+    Of several alarms of a chart the new baseline begins after the last of them.
+    """
     if not any(sign.isalnum() for sign in reason):
         raise InputError("say by --reason what the cause was, and what was done about it")
     with closing(History(parent)) as history:
@@ -60,15 +63,24 @@ def acknowledge_alarms(
             tell(f"WARNING: {sentence}")
         entries = history.results(Wanted(check_standard=True))
         alarms = alarms_named(alarms_of(entries, history.acknowledgements()), names)
+        last = {alarm.of_chart: alarm.identity for alarm in alarms}
         now, who = utc_now().isoformat(timespec="seconds"), user_name() or "unknown"
-        history.acknowledge(
+        notes = [
             Acknowledgement(
-                alarm.identity, alarm.sentence(), who, now, reason.strip(), new_baseline
+                alarm.identity,
+                alarm.sentence(),
+                who,
+                now,
+                reason.strip(),
+                new_baseline and last[alarm.of_chart] == alarm.identity,
             )
             for alarm in alarms
-        )
-        known = history.acknowledgements()
-    done = alarms_named(alarms_of(entries, known), [alarm.identity for alarm in alarms])
+        ]
+        history.acknowledge(notes)
+    done = [
+        replace(alarm, acknowledged=(*alarm.acknowledged, note))
+        for alarm, note in zip(alarms, notes, strict=True)
+    ]
     if as_json:
         told = {"alarms": [alarm.to_data() for alarm in done]}
         print(json.dumps(told, indent=1, ensure_ascii=False))

@@ -32,6 +32,11 @@ class Alarm:
         """Whether nobody took note of it."""
         return not self.acknowledged
 
+    @property
+    def of_chart(self) -> tuple[str, str, str, str]:
+        """What its chart is of."""
+        return self.entry.bench, self.entry.serial, self.entry.procedure, self.title
+
     def sentence(self) -> str:
         """Say which value it is, and what is wrong with it."""
         day = self.entry.started_utc[:10]
@@ -91,10 +96,10 @@ def alarms_of(entries: Iterable[Entry], known: Known) -> list[Alarm]:
 
 
 def alarms_named(alarms: Sequence[Alarm], names: Iterable[str]) -> list[Alarm]:
-    """Return the alarms of some names; raises InputError where there is no such alarm."""
-    by_name = {alarm.identity: alarm for alarm in alarms}
-    for name in names:
-        if name not in by_name:
+    """Return the alarms of some names, oldest first; raises InputError where one has none."""
+    wanted, known = set(names), {alarm.identity for alarm in alarms}
+    for name in sorted(wanted):
+        if name not in known:
             standing = ", ".join(alarm.identity for alarm in alarms if alarm.stands)
             raise InputError(f"there is no alarm {name}; those that stand: {standing or 'none'}")
-    return [by_name[name] for name in dict.fromkeys(names)]
+    return [alarm for alarm in alarms if alarm.identity in wanted]

@@ -388,6 +388,20 @@ def test_after_a_repair_the_chart_begins_anew(tmp_path: Path) -> None:
     assert len(standing_alarms("sim", tmp_path)) == 1
 
 
+def test_of_several_alarms_the_new_baseline_begins_after_the_last(tmp_path: Path) -> None:
+    wandered(tmp_path)
+    remember(made_run(tmp_path, 31, 1.2, serial="STD", standard=True))
+    names = [warned.sentence.split()[1] for warned in standing_alarms("sim", tmp_path)]
+    assert len(names) == 2
+    acknowledge_alarms(tmp_path, names, "new coil", new_baseline=True, as_json=False)
+    assert standing_alarms("sim", tmp_path) == []
+    with closing(History(tmp_path)) as history:
+        known = history.acknowledgements()
+        alarms = alarms_of(history.results(), known)
+    assert [known[name][0].new_baseline for name in names] == [False, True]
+    assert [alarm.identity for alarm in alarms] == names
+
+
 def test_alarms_are_printed_in_the_document_and_on_the_page(tmp_path: Path) -> None:
     name = wandered(tmp_path)
     asked = ("history", "--check-standards", "--output", ".")
@@ -469,8 +483,7 @@ def test_ten_thousand_runs_of_a_history_are_listed_by_pages(tmp_path: Path) -> N
     done = json.loads(station(tmp_path, *asked, "--json").stdout)
     assert (len(done["runs"]), done["page"], done["older"]) == (50, 200, False)
     assert done["runs"][0]["operator"] == "mei"
-    asked = ("list", "--store", url)
-    assert station(tmp_path, *asked).stdout.endswith("older runs: --page 2\n")
+    assert station(tmp_path, "list", "--store", url).stdout.endswith("older runs: --page 2\n")
 
 
 def test_the_verb_prints_one_document(tmp_path: Path) -> None:
