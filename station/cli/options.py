@@ -186,6 +186,7 @@ class ReportFormat(StrEnum):
     PDF = "pdf"
     CSV = "csv"
     JUNIT = "junit"
+    XLSX = "xlsx"
 
 
 class ReportKind(StrEnum):

@@ -25,6 +25,7 @@ FILES = {
     ("report", "pdf"): "report.pdf",
     ("report", "csv"): "results.csv",
     ("report", "junit"): "results.junit.xml",
+    ("report", "xlsx"): "results.xlsx",
     ("certificate", "html"): "certificate.html",
     ("certificate", "pdf"): "certificate.pdf",
 }
@@ -108,9 +109,13 @@ def certificate(
 def report(
     folder: RunFolder, format: str, paper: str, letterhead: Path | None, texts: Texts
 ) -> bytes:
-    """Return the report of a run in a format: html, pdf, csv or junit."""
+    """Return the report of a run in a format: html, pdf, csv, junit or xlsx."""
     revision = revision_of(folder, drawn=format in FOR_PEOPLE)
     document = revision.document
+    if format == "xlsx":
+        from station.report.workbook import workbook_of
+
+        return workbook_of(folder, document)
     if format not in FOR_PEOPLE:
         # A spreadsheet reads UTF-8 as such by its byte order mark only.
         coding = "utf-8-sig" if format == "csv" else "utf-8"

@@ -13,7 +13,7 @@ import csv
 import io
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from station.results import LIMIT_WITHOUT_RESULT, WRONG_EXCITATION
@@ -60,11 +60,18 @@ def csv_of(document: ResultDocument) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
+    for row in rows_of(document):
+        writer.writerow({name: no_formula(value) for name, value in row.items()})
+    return text.getvalue()
+
+
+def rows_of(document: ResultDocument) -> Iterator[dict[str, Any]]:
+    """Yield each result with its limit and its published value, by the names of `COLUMNS`."""
     published = published_by_key(document)
     for result in document.results:
         data = result.to_data()
         other = published.get((data["name"], data["axis"]), {})
-        row = {
+        yield {
             **data,
             "procedure": document.procedure,
             **{f"limit_{name}": value for name, value in (data["limit"] or {}).items()},
@@ -72,8 +79,6 @@ def csv_of(document: ResultDocument) -> str:
             "as_published_unit": other.get("unit"),
             "as_published_method": other.get("method"),
         }
-        writer.writerow({name: no_formula(value) for name, value in row.items()})
-    return text.getvalue()
 
 
 def no_formula(value: object) -> object:
