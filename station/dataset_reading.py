@@ -1,4 +1,4 @@
-"""Read an imported dataset: a folder with `dataset.yaml` and the CSV files that it names."""
+"""Read an imported dataset: a folder with `dataset.yaml` and the CSV or TDMS files it names."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from station.dataset_tdms import is_tdms, read_channels
 from station.fields import StrictModel
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.lookup import in_place_of_file, is_there
@@ -75,7 +76,7 @@ class RawDataset:
 
         `rising` names the column of times, in which each row must be after the one above.
         """
-        table = read_table(self.file(name), required, optional, text)
+        table = read_table(self.file(name), required, optional, text, group=name)
         if rising is not None:
             check_ascending(table.path, table, rising)
         return table
@@ -101,7 +102,7 @@ class RawDataset:
 
 
 class Table(dict[str, NDArray[Any]]):
-    """The columns of a CSV file by name; `lines` holds the line number of each row."""
+    """The columns of a file by name; `lines` holds the line number of each row."""
 
     def __init__(self, path: Path, columns: dict[str, NDArray[Any]], lines: array[int]) -> None:
         super().__init__(columns)
@@ -145,7 +146,11 @@ def read_dataset(path: Path) -> RawDataset:
         elif is_none := in_place_of_file(file.parent / text):
             faults.append(document.fault(("files", name), f"'{text}' {is_none}"))
         elif not is_there(file.parent / text):
-            there = [path.name for path in sorted(file.parent.glob("*.csv"))]
+            there = [
+                path.name
+                for path in sorted(file.parent.iterdir())
+                if path.suffix == ".csv" or is_tdms(path)
+            ]
             hint = nearest(text, there)
             what = f"there is no file '{text}' in the dataset's folder"
             faults.append(document.fault(("files", name), what, hint and f"'{hint}'"))
@@ -160,20 +165,27 @@ def read_table(
     required: Sequence[str],
     optional: Sequence[str] = (),
     text: Sequence[str] = (),
+    group: str = "",
 ) -> Table:
     """Read a CSV file with a header line: columns of finite numbers, and of words for `text`.
 
     `required` columns must be there, `optional` ones may be, any other is a fault; `text` names
     which of them hold words. Raises FaultList with file, line and column of each fault (the first
-    20), the line counted from 1 for the header.
+    20), the line counted from 1 for the header. Of a TDMS file the channels of a `group` are read.
     """
+    if is_tdms(path):
+        return _read_tdms(path, required, optional, text, group)
     lines = _lines(path)
     first = next(lines, None)
     if first is None:
         raise FaultList([Fault(str(path), 1, 1, "file", "the file is empty")])
     header_line, header = first
-    names = [cell.strip() for cell in _cells(header)]
-    faults = _header_faults(path, header_line, header, names, required, optional)
+    cells = _cells(header)
+    names = [cell.strip() for cell in cells]
+    if "," not in header and any(mark in header for mark in ";\t") and {*required} - {*names}:
+        what = "the columns are separated by ';' or tabs; separate them by ','"
+        raise FaultList([Fault(str(path), header_line, 1, "header", what)])
+    faults = _header_faults(path, header_line, cells, required, optional)
     if faults:
         raise FaultList(faults)
     numbers = array("q")
@@ -202,6 +214,48 @@ def read_table(
     return Table(path, whole, numbers)
 
 
+def _read_tdms(
+    path: Path,
+    required: Sequence[str],
+    optional: Sequence[str],
+    text: Sequence[str],
+    group: str,
+) -> Table:
+    """Return the channels of a group as the columns that a CSV file would give, checked alike."""
+    channels = read_channels(path, group)
+    if faults := _header_faults(path, 1, list(channels), required, optional):
+        raise FaultList(faults)
+    columns: dict[str, NDArray[Any]] = {}
+    for name, values in ((name.strip(), values) for name, values in channels.items()):
+        if name in text:
+            columns[name] = np.array([str(word).strip() for word in values], dtype=np.str_)
+            bad = [n for n, word in enumerate(columns[name]) if not word]
+        elif values.dtype.kind not in "fiu":
+            what = "holds no numbers; write numbers in the unit that its name has"
+            raise FaultList([Fault(str(path), 1, 1, name, what)])
+        else:
+            columns[name] = values.astype(np.float64)
+            with np.errstate(invalid="ignore"):
+                bad = np.flatnonzero(~(np.abs(columns[name]) < LARGEST)).tolist()
+        for n in bad[: MAX_FAULTS + 1]:
+            faults.append(Fault(str(path), n + 1, 1, name, _bad_cell(str(values[n]))))
+    rows = len(next(iter(columns.values())))
+    if not rows:
+        raise FaultList([Fault(str(path), 1, 1, "file", "the file has channels but no values")])
+    if faults:
+        raise FaultList(_first(faults, path))
+    return Table(path, columns, array("q", range(1, rows + 1)))
+
+
+def _bad_cell(cell: str) -> str:
+    """Return what is wrong with a cell that holds no finite number, or no word."""
+    if not cell.strip():
+        return "is empty"
+    if LARGEST <= abs(_number(cell)) < math.inf:
+        return f"'{cell.strip()}' is too large for anything that is measured"
+    return f"'{cell.strip()}' is not a number"
+
+
 def _column(
     path: Path, name: str, index: int, rows: list[tuple[int, list[str]]], *, words: bool
 ) -> tuple[NDArray[Any], list[Fault]]:
@@ -216,10 +270,7 @@ def _column(
     for n in bad:
         number, row = rows[n]
         column = 1 + sum(len(cell) + 1 for cell in row[:index])
-        what = f"'{cells[n].strip()}' is not a number" if cells[n].strip() else "is empty"
-        if LARGEST <= abs(_number(cells[n])) < math.inf:
-            what = f"'{cells[n].strip()}' is too large for anything that is measured"
-        faults.append(Fault(str(path), number, column, name, what))
+        faults.append(Fault(str(path), number, column, name, _bad_cell(cells[n])))
     return values, faults
 
 
@@ -261,20 +312,17 @@ def _cells_in_words(count: int) -> str:
 def _header_faults(
     path: Path,
     line: int,
-    header: str,
-    names: list[str],
+    cells: Sequence[str],
     required: Sequence[str],
     optional: Sequence[str],
 ) -> list[Fault]:
     known = [*required, *optional]
+    names = [cell.strip() for cell in cells]
     missing = [name for name in required if name not in names]
-    if missing and "," not in header and any(mark in header for mark in ";\t"):
-        what = "the columns are separated by ';' or tabs; separate them by ','"
-        return [Fault(str(path), line, 1, "header", what)]
     faults = [Fault(str(path), line, 1, name, "the column is missing") for name in missing]
     column = 1
     seen: set[str] = set()
-    for n, (name, cell) in enumerate(zip(names, _cells(header), strict=True)):
+    for n, (name, cell) in enumerate(zip(names, cells, strict=True)):
         if len(faults) > MAX_FAULTS:
             rest = f"and more faults; the file has {len(names)} columns"
             return [*faults[:MAX_FAULTS], Fault(str(path), line, column, "header", rest)]

@@ -614,7 +614,7 @@ DATASET = {
     "dataset": "version of the format",
     "procedure": "name of the procedure that analyses it",
     "title": "heading of the report",
-    "files": "name to CSV file in the same folder",
+    "files": "name to CSV or TDMS file in the same folder",
     "conditions": "how the data were taken, see below",
 }
 

@@ -19,6 +19,7 @@ WHOLE: tuple[str, ...] = (
     "station/roles",
     "station/dataset_checks.py",
     "station/dataset_reading.py",
+    "station/dataset_tdms.py",
     "station/driver_checks.py",
     "station/registry.py",
     "station/packages.py",
