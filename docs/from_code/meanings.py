@@ -561,6 +561,7 @@ BENCH = {
     "laboratory.name": "name of the laboratory",
     "laboratory.address": "its address",
     "laboratory.location": "where the bench stands, where that is not the address",
+    "laboratory.country": "its country in two letters, such as `DE` (ISO 3166-1), for a dcc",
     "laboratory.accreditation": "body and number of the accreditation",
     "laboratory.trusted_keys": "keys whose signatures count for `station verify --bench`: 64 "
     "digits each, then the name it signs in, or nothing",

@@ -98,11 +98,15 @@ def report(
             show_default=False,
         ),
     ] = None,
+    schema: Annotated[
+        Path | None,
+        typer.Option("--schema", metavar="XSD", help="Schema that a dcc is held against."),
+    ] = None,
 ) -> None:
     """Make the report or certificate of a run, into its exports."""
     from station.cli.reporting import remake_report
 
-    remake_report(folder, format.value, kind.value, paper.value, letterhead, lang)
+    remake_report(folder, format.value, kind.value, paper.value, letterhead, lang, schema)
 
 
 def history(

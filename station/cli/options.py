@@ -187,6 +187,7 @@ class ReportFormat(StrEnum):
     CSV = "csv"
     JUNIT = "junit"
     XLSX = "xlsx"
+    DCC = "dcc"
 
 
 class ReportKind(StrEnum):

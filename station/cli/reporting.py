@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from station.results import ResultDocument
 
 FOR_PEOPLE = ("html", "pdf")
+HEADED = (("report", "pdf"), ("certificate", "pdf"), ("certificate", "html"))
+"""What has a letterhead."""
 FILES = {
     ("report", "html"): REPORT,
     ("report", "pdf"): "report.pdf",
@@ -28,6 +30,8 @@ FILES = {
     ("report", "xlsx"): "results.xlsx",
     ("certificate", "html"): "certificate.html",
     ("certificate", "pdf"): "certificate.pdf",
+    ("report", "dcc"): "certificate.dcc.xml",
+    ("certificate", "dcc"): "certificate.dcc.xml",
 }
 
 
@@ -38,25 +42,31 @@ def remake_report(
     paper: str = "a4",
     letterhead: Path | None = None,
     language: str | None = None,
+    schema: Path | None = None,
 ) -> None:
     """Make the report or certificate of a run into its `exports`, which no manifest covers.
 
     Without a `language` it is in that of this terminal. Prints the path of what was written. Raises
-    InputError where a certificate is asked for as a table of results, a letterhead for what has
-    none, or a language that there is not.
+    InputError where a certificate is asked for as a table of results, a letterhead or a schema for
+    what has none, a language that there is not, or where a dcc does not follow the `schema`.
     """
     name = FILES.get((kind, format))
     if name is None:
         raise InputError(f"a {kind} is no {format} file; choose --format html or --format pdf")
-    if letterhead is not None and kind != "certificate" and format != "pdf":
+    if letterhead is not None and (kind, format) not in HEADED:
         raise InputError(f"a {kind} as {format} has no letterhead; leave --letterhead out")
+    if schema is not None and format != "dcc":
+        raise InputError(f"{format} has no schema; leave --schema out")
     texts = texts_of(language, format)
     folder = read_run(path)
     folder.damage.refuse_altered()
     file = path / EXPORTS / name
     with replaced(file, A_COPY, parents=True) as part:
-        make = certificate if kind == "certificate" else report
-        part.write_bytes(make(folder, format, paper, letterhead, texts))
+        if format == "dcc":
+            part.write_bytes(digital_certificate(folder, schema))
+        else:
+            make = certificate if kind == "certificate" else report
+            part.write_bytes(make(folder, format, paper, letterhead, texts))
         name_unused(folder)
     print(file)
 
@@ -104,6 +114,19 @@ def certificate(
     from station.report.sheet_html import render_sheet
 
     return render_sheet(sheet, letterhead).encode()
+
+
+def digital_certificate(folder: RunFolder, schema: Path | None) -> bytes:
+    """Return the certificate of a run as a dcc, held against a schema where there is one."""
+    from station.report.dcc import dcc_of_run
+    from station.report.xml_schema import refuse_invalid
+
+    xml, drafts = dcc_of_run(folder, revision_of(folder, drawn=False).document)
+    for reason in drafts:
+        tell(f"draft: {reason}")
+    if schema is not None:
+        refuse_invalid(xml, schema)
+    return xml
 
 
 def report(

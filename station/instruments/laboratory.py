@@ -23,13 +23,14 @@ class Signatory(StrictModel):
 class Laboratory(StrictModel):
     """Who measures, and where (ISO/IEC 17025:2017, 7.8.2.1 b, c and o).
 
-    `location` is where the bench stands, where that is not the address. `trusted_keys` are those
-    whose signatures of run folders count.
+    `location` is where the bench stands, where that is not the address, `country` its code of two
+    letters (ISO 3166-1). `trusted_keys` are those whose signatures of run folders count.
     """
 
     name: Words
     address: Words
     location: Words | None = None
+    country: Annotated[str, Field(pattern="^[A-Z]{2}$")] | None = None
     accreditation: Words | None = None
     signatories: tuple[Signatory, ...] = ()
     trusted_keys: tuple[TrustedKey, ...] = ()

@@ -1,0 +1,298 @@
+"""The certificate of a run as a digital calibration certificate: DCC 3.3 (PTB), units by the D-SI.
+
+It says what the printed one says, in English: the digits of value and U are the same, save where
+a unit is converted into one of the SI. What makes the printed one a draft stands first in the
+statements of this one, and its identifier says so. Source: PTB, "DCC schema 3.3.0".
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from station.decision import Limit
+from station.report.certificate import (
+    NO_DEVIATION,
+    ONLY_ITEMS,
+    REPRODUCTION,
+    certificate_of_run,
+    probability_text,
+)
+from station.report.certificate_fields import Certificate, messages
+from station.report.html import verdict_words
+from station.report.numbers import format_limit, format_with_uncertainty
+from station.report.si_units import si_unit
+from station.report.tables import DECLARATION, clean
+from station.uncertainty import COVERAGE_PERCENT
+
+if TYPE_CHECKING:
+    from station.record.folder import RunFolder
+    from station.results import Result, ResultDocument
+
+DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
+XSI = "http://www.w3.org/2001/XMLSchema-instance"
+VERSION = "3.3.0"
+SCHEMA_PLACE = f"{DCC} https://ptb.de/dcc/v{VERSION}/dcc.xsd"
+DRAFT = "DRAFT-"
+COUNTRY_NOT_STATED = "ZZ"
+"""A code that ISO 3166-1 leaves to its users."""
+NO_COUNTRY = "The country of the laboratory is missing: `laboratory.country` of the bench file."
+NOT_STATED = "not stated"
+RELEASE = re.compile(r"\d{1,3}(\.\d{1,3}){0,3}")
+CONFORMITY: Mapping[str, str] = {
+    "pass": "pass",
+    "fail": "fail",
+    "conditional-pass": "conditionalPass",
+    "conditional-fail": "conditionalFail",
+}
+"""What the schema calls a verdict, or why it is inconclusive."""
+for _prefix, _namespace in (("dcc", DCC), ("si", SI), ("xsi", XSI)):
+    ET.register_namespace(_prefix, _namespace)
+
+
+def dcc_of_run(folder: RunFolder, document: ResultDocument) -> tuple[bytes, tuple[str, ...]]:
+    """Return the certificate of a run as XML, and in sentences why it is a draft."""
+    from station.recorded import read_plan_and_bench
+
+    certificate = certificate_of_run(folder, document)
+    laboratory = read_plan_and_bench(folder)[1].file.laboratory
+    country = laboratory.country if laboratory else None
+    drafts = (*certificate.draft_reasons(), *(() if country else (NO_COUNTRY,)))
+    days = [str(folder.run_facts().get(key) or "")[:10] for key in ("started_utc", "ended_utc")]
+    root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=VERSION)
+    root.set(f"{{{XSI}}}schemaLocation", SCHEMA_PLACE)
+    data = _add(root, "administrativeData")
+    _software(_add(data, "dccSoftware"), certificate.versions[:1])
+    core = _add(data, "coreData")
+    _add(core, "countryCodeISO3166_1", country or COUNTRY_NOT_STATED)
+    _add(core, "usedLangCodeISO639_1", "en")
+    _add(core, "mandatoryLangCodeISO639_1", "en")
+    _add(core, "uniqueIdentifier", (DRAFT if drafts else "") + certificate.number)
+    identified = [
+        ("customer", "Order", certificate.order),
+        *(("customer", name, text) for name, text in certificate.references),
+        ("calibrationLaboratory", "Run", folder.path.resolve().name),
+        ("calibrationLaboratory", "Head of the run's log (SHA-256)", folder.damage.head),
+    ]
+    _identifications(core, identified)
+    if certificate.received:
+        _add(core, "receiptDate", certificate.received)
+    _add(core, "beginPerformanceDate", days[0])
+    _add(core, "endPerformanceDate", days[1] or days[0])
+    _add(core, "performanceLocation", "laboratory")
+    _item(_add(_add(data, "items"), "item"), certificate)
+    place = _add(data, "calibrationLaboratory")
+    if certificate.accreditation:
+        _add(place, "calibrationLaboratoryCode", certificate.accreditation)
+    _contact(_add(place, "contact"), certificate.laboratory, certificate.address, country)
+    people = _add(data, "respPersons")
+    for name, function in certificate.signatories or ((NOT_STATED, ""),):
+        person = _add(people, "respPerson")
+        _text(_add(person, "person"), "name", name)
+        if function:
+            _add(person, "role", function)
+        if len(people) == 1:
+            _add(person, "mainSigner", "true")
+    _contact(_add(data, "customer"), certificate.customer, certificate.customer_address)
+    statements = _add(data, "statements")
+    for reason in drafts:
+        _statement(statements, f"Draft: {reason}", valid="false")
+    for sentence in _sentences(certificate, document):
+        _statement(statements, sentence)
+    _measured(_add(_add(root, "measurementResults"), "measurementResult"), certificate, document)
+    ET.indent(root)
+    return f"{DECLARATION}{ET.tostring(root, encoding='unicode')}\n".encode(), drafts
+
+
+def _add(parent: ET.Element, name: str, text: str | None = None, space: str = DCC) -> ET.Element:
+    element = ET.SubElement(parent, f"{{{space}}}{name}")
+    if text is not None:
+        element.text = clean(text)
+    return element
+
+
+def _text(parent: ET.Element, name: str, text: str) -> ET.Element:
+    element = _add(parent, name)
+    _add(element, "content", text or NOT_STATED).set("lang", "en")
+    return element
+
+
+def _statement(parent: ET.Element, sentence: str, valid: str | None = None) -> None:
+    statement = _add(parent, "statement")
+    _text(statement, "declaration", sentence)
+    if valid is not None:
+        _add(statement, "valid", valid)
+
+
+def _software(parent: ET.Element, versions: Sequence[tuple[str, str]]) -> None:
+    """Add what has a release as the schema's rules take it; the rest describes the first."""
+    first: ET.Element | None = None
+    for name, release in versions:
+        if RELEASE.fullmatch(release):
+            software = _add(parent, "software")
+            _text(software, "name", name)
+            _add(software, "release", f"v{release}")
+            first = software if first is None else first
+    rest = [f"{name}: {text}" for name, text in versions if not RELEASE.fullmatch(text)]
+    if first is None:
+        first = _add(parent, "software")
+        _text(first, "name", "station")
+        _add(first, "release", "v0")
+    if rest:
+        _text(first, "description", "; ".join(rest))
+
+
+def _identifications(parent: ET.Element, named: Sequence[tuple[str, str, str]]) -> None:
+    """Add issuer, name and value of each identification that is stated."""
+    stated = [each for each in named if each[2]]
+    if not stated:
+        return
+    several = _add(parent, "identifications")
+    for issuer, name, value in stated:
+        identification = _add(several, "identification")
+        _add(identification, "issuer", issuer)
+        _add(identification, "value", value)
+        _text(identification, "name", name)
+
+
+def _item(item: ET.Element, certificate: Certificate) -> None:
+    device = dict(certificate.device)
+    _text(item, "name", device["Model"])
+    notes = "; ".join(text for text in (certificate.condition, device["Notes"]) if text)
+    if notes:
+        _text(item, "description", notes)
+    _text(_add(item, "manufacturer"), "name", device["Manufacturer"])
+    _add(item, "model", device["Model"])
+    serial = device["Serial number"] or NOT_STATED
+    _identifications(item, [("manufacturer", "Serial number", serial)])
+
+
+def _contact(contact: ET.Element, name: str, address: str, country: str | None = None) -> None:
+    """Add name and address; the schema asks for an e-mail address, which nobody states."""
+    _text(contact, "name", name)
+    _add(contact, "eMail", NOT_STATED)
+    location = _add(contact, "location")
+    if country:
+        _add(location, "countryCode", country)
+    _text(location, "further", address)
+
+
+def _sentences(certificate: Certificate, document: ResultDocument) -> Iterator[str]:
+    """Yield what the certificate states: deviations, flags, decision, what was left out."""
+    yield from certificate.deviations or (NO_DEVIATION,)
+    yield from messages(certificate.flags)
+    if any(result.limit for result in document.results):
+        yield f"Decision rule: {certificate.decision_rule}"
+        yield f"Decision: {certificate.verdict}"
+    undetermined = [_name(result) for result in document.results if result.estimate.value is None]
+    if undetermined:
+        yield f"Not determined by these data, and left out: {', '.join(undetermined)}."
+    if certificate.other_instruments:
+        yield f"Used, but in no budget of a result: {', '.join(certificate.other_instruments)}."
+    for name, digest in certificate.hashes:
+        yield f"SHA-256 of {name}: {digest}"
+    yield from (ONLY_ITEMS, REPRODUCTION)
+
+
+def _measured(parent: ET.Element, certificate: Certificate, document: ResultDocument) -> None:
+    """Add method, software, instruments, conditions and results, in the schema's order."""
+    _text(parent, "name", certificate.title)
+    method = _add(_add(parent, "usedMethods"), "usedMethod")
+    _text(method, "name", certificate.method or certificate.title)
+    if certificate.work_instruction:
+        _add(method, "reference", certificate.work_instruction)
+    _software(_add(parent, "usedSoftware"), certificate.versions)
+    if certificate.traceability:
+        instruments = _add(parent, "measuringEquipments")
+        for name, model, number, date, due, maker in certificate.traceability:
+            instrument = _add(instruments, "measuringEquipment")
+            _text(instrument, "name", name)
+            _text(
+                instrument, "description", f"Calibrated {date} by {maker or NOT_STATED}, due {due}"
+            )
+            _add(instrument, "model", model)
+            _identifications(instrument, [("other", "Calibration certificate", number)])
+    if certificate.ambient:
+        conditions = _add(parent, "influenceConditions")
+        for source, what, *values, unit in certificate.ambient:
+            condition = _add(conditions, "influenceCondition")
+            _text(condition, "name", f"{what} ({source})")
+            data = _add(condition, "data")
+            for word, value in zip(("smallest", "mean", "largest"), values, strict=True):
+                quantity = _add(data, "quantity")
+                _text(quantity, "name", word)
+                _real(quantity, float(value), None, unit)
+    results = _add(parent, "results")
+    for result in document.results:
+        if result.estimate.value is not None:
+            _result(_add(results, "result"), result)
+    if not len(results):
+        nothing = _add(results, "result")
+        _text(nothing, "name", certificate.title)
+        _text(_add(nothing, "data"), "text", "These data determine no result.")
+
+
+def _name(result: Result) -> str:
+    estimate = result.estimate
+    return " ".join(filter(None, (estimate.measures.replace("_", " "), estimate.axis)))
+
+
+def _result(parent: ET.Element, result: Result) -> None:
+    """Add a result with its expanded uncertainty, and the statement of conformity on it."""
+    estimate = result.estimate
+    assert estimate.value is not None
+    _text(parent, "name", _name(result))
+    if estimate.holds_at:
+        _text(parent, "description", f"at {estimate.holds_at}")
+    quantity = _add(_add(parent, "data"), "quantity")
+    quantity.set("refType", "basic_measuredValue")
+    _text(quantity, "name", _name(result))
+    _real(quantity, estimate.value, result, estimate.unit)
+    if result.limit is None:
+        return
+    stated = _add(_add(quantity, "measurementMetaData"), "metaData")
+    likely = probability_text(result.conformity)
+    words = [f"{format_limit(result.limit)} {estimate.unit}", verdict_words(result.decision)]
+    if likely:
+        words.append(f"probability of conformity {likely}")
+    _text(stated, "declaration", ": ".join((words[0], ", ".join(words[1:]))))
+    conformity = CONFORMITY.get(result.decision.detail or result.decision.verdict)
+    if conformity:
+        _add(stated, "conformity", conformity)
+    _limits(_add(stated, "data"), result.limit, estimate.unit)
+
+
+def _limits(data: ET.Element, limit: Limit, unit: str) -> None:
+    for name, value in zip(("Lower limit", "Upper limit"), limit.interval(), strict=True):
+        if abs(value) != float("inf"):
+            quantity = _add(data, "quantity")
+            _text(quantity, "name", name)
+            _real(quantity, value, None, unit)
+
+
+def _real(quantity: ET.Element, value: float, result: Result | None, unit: str) -> None:
+    """Add a number in a unit of the D-SI, or as a text where it has no such unit."""
+    combined = result.combined if result else None
+    known = si_unit(unit)
+    if known is None:
+        texts = format_with_uncertainty(value, combined.expanded_uncertainty if combined else None)
+        _text(quantity, "noQuantity", f"{' ± '.join(texts) if combined else value} {unit}")
+        return
+    name, factor = known
+    real = _add(quantity, "real", space=SI)
+    if combined is None or not combined.expanded_uncertainty:
+        _add(real, "value", repr(value * factor), SI)
+        _add(real, "unit", name, SI)
+        return
+    shown, expanded = format_with_uncertainty(
+        value * factor, combined.expanded_uncertainty * factor
+    )
+    _add(real, "value", shown, SI)
+    _add(real, "unit", name, SI)
+    univariate = _add(real, "measurementUncertaintyUnivariate", space=SI)
+    uncertainty = _add(univariate, "expandedMU", space=SI)
+    _add(uncertainty, "valueExpandedMU", expanded, SI)
+    _add(uncertainty, "coverageFactor", f"{combined.coverage_factor:.2f}", SI)
+    _add(uncertainty, "coverageProbability", f"{COVERAGE_PERCENT / 100:g}", SI)
