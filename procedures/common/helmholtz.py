@@ -24,7 +24,6 @@ NODES = 5
 """Of Gauss's rule along each edge: exact for fields up to the ninth power of the place."""
 STEP_U = 1e-2
 SOURCE = "bench file, coil_geometry"
-PLACE_OF = {"probe": "place of the probe along ", "device": "place of the device along "}
 
 
 def pair_field(
@@ -176,7 +175,11 @@ class FieldAtDevice:
     def _inputs(self) -> Iterator[InputQuantity]:
         for name, (value, u) in self.lengths_mm.items():
             what, axis, *length = name.removesuffix("_mm").split("_")
-            about = f"coil {axis}: {length[0]}" if length else PLACE_OF[what] + axis
+            about = f"place of the device along {axis}"
+            if length:
+                about = f"coil {axis}: {length[0]}"
+            elif what == "probe":
+                about = f"place of the probe along {axis}"
             yield InputQuantity(name, about, u, "mm", SOURCE, value=value)
         for axis, spread in self.spread.items():
             about = f"field of coil {axis} over the device, which may feel it anywhere in itself"
