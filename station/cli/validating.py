@@ -16,6 +16,7 @@ from station.files.lookup import BENCHES, PLANS, find, is_missing
 from station.files.plan import Plan, read_plan
 from station.files.plan.model import LONGEST, MAX_S
 from station.files.plan.resolved import resolved_data, resolved_text
+from station.files.statements import statements_of_plan
 from station.files.yaml.reading import Fault, FaultList
 from station.instruments.bench import Bench, read_bench
 from station.procedure import Procedures, procedure_of
@@ -66,6 +67,7 @@ def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Pla
         faults += [plan.fault(("parameters",), memory.fault())] if memory.too_small else []
     faults += limits_never_held(plan, procedure.measured_axes(plan.parameters))
     faults += limits_missing(plan, procedure.needs_limits(plan.parameters))
+    faults += statements_of_plan(plan.document)
     if faults:
         raise FaultList(faults)
     return plan

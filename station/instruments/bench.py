@@ -13,6 +13,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator
 from station.driver_checks import driver_faults, role_faults, simulator_faults
 from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
+from station.files.statements import statements_of_bench
 from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, Where
 from station.files.yaml.reading import read_yaml
@@ -290,6 +291,7 @@ def faults_of_use(document: Document) -> Iterator[Fault]:
     yield from role_faults(document)
     yield from simulator_faults(document)
     yield from _address_faults(document)
+    yield from statements_of_bench(document)
 
 
 def _instrument_faults(
