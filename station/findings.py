@@ -215,7 +215,9 @@ class Findings:
     """All that an analysis says, and the type B inputs; `detail` is for the procedure's report.
 
     `covariance` is that of the estimates' type A uncertainties; None where it is not known. Without
-    `trials` there is no Monte Carlo.
+    `trials` there is no Monte Carlo. `measured` has, by instrument and quantity, what it read, in
+    the unit of the `RecordUse`: means of levels and amplitudes, never single samples with their
+    noise.
     """
 
     estimates: Sequence[Estimate]
@@ -225,6 +227,13 @@ class Findings:
     detail: Any
     covariance: Covariance | None = None
     trials: Trials | None = None
+    measured: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+
+
+def extremes(values: Any) -> tuple[float, ...]:
+    """Return the least and the greatest of an array, what is no number left out; none of none."""
+    numbers = [float(value) for value in values if math.isfinite(value)]
+    return (min(numbers), max(numbers)) if numbers else ()
 
 
 def of_numbers(findings: Findings) -> Findings:

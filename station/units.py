@@ -104,6 +104,7 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, int | Fraction]]] = {
     "field-per-current": ("a coil constant", "0.25 mT/A", {"mT/A": 1}),
     "field-per-voltage": ("a field per voltage", "50 nT/V", {"nT/V": 1}),
     "gyromagnetic-ratio": ("a gyromagnetic ratio", "28.02495 Hz/nT", {"Hz/nT": 1}),
+    "pressure": ("a pressure", "1013 hPa", {"hPa": 1, "kPa": 10}),
     "length": ("a length", "300 mm", {"mm": 1, "m": 1000}),
     "speed": ("a speed", "0.5 m/s", {"m/s": 1}),
     "ratio": (

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import reference_bad_input
+import reference_certificate
 import reference_faults
 import reference_formats
 import reference_instruments
@@ -39,6 +40,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "verbs": reference_verbs.verbs,
     "exit-codes": reference_verbs.exit_codes,
     "units": reference_verbs.units,
+    "certificate-fields": reference_certificate.certificate_fields,
     "flags": reference_formats.flags,
     "result-keys": reference_formats.result_keys,
     "result-example": reference_formats.result_example,

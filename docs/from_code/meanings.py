@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from station.roles.role import limits
 
+ROOM = {"temperature": "temperature", "humidity": "relative humidity", "pressure": "air pressure"}
+READ = {
+    "value": "what was read; left out, the run asks for it",
+    "uncertainty": "its standard uncertainty",
+    "instrument": "what it is read on",
+    "certificate": "the certificate of that",
+    "due": "until when that holds",
+}
 PLAN = {
     "plan": "version of the format",
     "extends": "another plan, by name or path relative to this file, that this one changes",
@@ -29,6 +37,12 @@ PLAN = {
     "customer": "who ordered the measurement, for a certificate",
     "customer.name": "their name",
     "customer.address": "their address",
+    "room": "what a person reads of the room, for a certificate",
+    **{
+        f"room.{name}": f"its {words}, typed or asked for by the run"
+        for name, words in ROOM.items()
+    },
+    **{f"room.{name}.{key}": words for name in ROOM for key, words in READ.items()},
     "deviations": "what was done otherwise than the method says, a sentence each",
 }
 
@@ -182,6 +196,10 @@ PARAMETERS = {
         "degauss": "whether the coil is taken through falling fields of both signs before a plane",
         "temperature": "whether the thermometer is read at each point",
         "window": "memory of the finite-memory solution in points; chosen unless given",
+        "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",
+        "local_gravity_uncertainty": "its standard uncertainty; not stated unless given",
+        "ambient_field": "field across the coil, of which a probe that leans reads a part; not "
+        "stated unless given",
         "thresholds": "where a flag is raised",
         "thresholds.not_significant": "in standard uncertainties of a magnetic coefficient",
         "thresholds.field_differs_from_commanded": "of the largest field",
@@ -284,6 +302,7 @@ PARAMETERS = {
         "drive": "a recorded drive for the vehicle test; none unless given",
         "drive.file": "its CSV file, by path or by name in `config/drives`; copied into the run",
         "drive.latitude": "where it was, north positive; that of the table unless given",
+        "drive.latitude_uncertainty": "its standard uncertainty; not stated unless given",
         "drive.initial_heading": "heading at its start; without it the vehicle is taken to be "
         "level on average",
         "drive.initial_pitch": "and pitch; navigation to position and velocity needs all three",

@@ -22,9 +22,17 @@ from procedures.common.stage_and_meter import (
     USUAL_DEGC,
     gain_and_zero,
     row_of,
+    what_was_read,
     with_overloads,
 )
-from station.findings import Covariance, Estimate, Findings, InputQuantity, findings_of
+from station.findings import (
+    Covariance,
+    Estimate,
+    Findings,
+    InputQuantity,
+    extremes,
+    findings_of,
+)
 
 from .analysis import MOUNTING, analyse
 from .dataset import AccelerometerAnalysis, AccelerometerDataset
@@ -77,7 +85,13 @@ def findings_of_run(
     """Return what a run's finished points say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
     findings = _findings(dataset, settings(parameters), type_b_inputs(parameters, bench))
-    return with_overloads(findings, folder)
+    at_device = dataset.at_device
+    ratio = 1.0 if at_device is None else at_device.ratio(COIL)[0]
+    measured = {
+        (GAUSSMETER, "field"): extremes(dataset.field_T / T_PER_MT / ratio),
+        **what_was_read(dataset.output_V, dataset.temperature_degC),
+    }
+    return with_overloads(replace(findings, measured=measured), folder)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:
@@ -171,6 +185,7 @@ def dataset_of_run(
         temperature_degC=temperature_degC[order] if parameters.temperature else None,
         noise_group=group[order],
         at_device=device,
+        gravity_g=parameters.local_gravity_g,
     )
 
 
@@ -216,7 +231,10 @@ def type_b_inputs(parameters: AccelerometerParameters, bench: Bench) -> Iterator
         in_rad = u is not None and unit == "deg"
         yield _input(name, math.radians(u or 0.0) if in_rad else u, source)
     leans_rad, source = bench.stated(GAUSSMETER, "angle", 0.0, "rad") or (None, "")
-    yield from _probe_inputs(leans_rad, source, None)
+    ambient_mT, gravity_u_g = parameters.ambient_field_mT, parameters.local_gravity_uncertainty_g
+    ambient_T = None if ambient_mT is None else ambient_mT * T_PER_MT
+    yield from _probe_inputs(leans_rad, source, ambient_T)
+    yield _input(GRAVITY, gravity_u_g, "the plan", parameters.local_gravity_g)
 
 
 def stated_inputs(conditions: Conditions) -> Iterator[InputQuantity]:

@@ -100,7 +100,11 @@ class AnalysisSettings(Thresholds):
 
 
 class AccelerometerParameters(StrictModel):
-    """What the engineer chooses; the source document leaves every number open."""
+    """What the engineer chooses; the source document leaves every number open.
+
+    `local_gravity` is 1 g where accelerations are to be in units of the local g; `ambient_field` is
+    the field across the coil, of which a probe that leans reads a part.
+    """
 
     planes: tuple[Plane, ...] = ("io", "ip")
     design: Literal["as_published", "efficient"] = "as_published"
@@ -124,6 +128,10 @@ class AccelerometerParameters(StrictModel):
     degauss: bool = True
     temperature: bool = True
     window: Annotated[int, Field(ge=13)] | None = None
+    # On the ground it is 0.9957 g to 1.0028 g.
+    local_gravity_g: Annotated[float, Unit("g"), Field(ge=0.99, le=1.01)] = 1.0
+    local_gravity_uncertainty_g: Annotated[float, Unit("g"), Field(ge=0, le=0.01)] = 0.0
+    ambient_field_mT: Annotated[float, Unit("mT"), Field(ge=0)] | None = None
     thresholds: Thresholds = Thresholds()
 
     @field_validator("planes")

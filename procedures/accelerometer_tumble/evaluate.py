@@ -17,6 +17,7 @@ from procedures.common.stage_and_meter import (
     USUAL_DEGC,
     gain_and_zero,
     row_of,
+    what_was_read,
     with_overloads,
 )
 from station.findings import Findings, InputQuantity, findings_of
@@ -51,7 +52,9 @@ def findings_of_run(folder: RunFolder, parameters: TumbleParameters, bench: Benc
     about = f"zero of the angle of {STAGE}"
     inputs += bench.stated_input((STAGE, "angle", 0.0, "rad"), "encoder_zero", about)
     settings = AnalysisSettings(**dict(parameters.thresholds))
-    return with_overloads(_findings(dataset, settings, inputs), folder)
+    findings = _findings(dataset, settings, inputs)
+    measured = what_was_read(dataset.output_V, dataset.temperature_degC)
+    return with_overloads(replace(findings, measured=measured), folder)
 
 
 def _findings(

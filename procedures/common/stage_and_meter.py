@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from station import registry
 from station.errors import InstrumentError
-from station.findings import Findings, Flag
+from station.findings import Findings, Flag, extremes
 from station.method.commands import Angle, Homing, MeterRange
 from station.method.duration import Duration, exactly, on_the_way
 from station.method.run import NO_ROWS, Rates, Run
@@ -18,6 +18,9 @@ from station.procedure import Problem
 from station.roles import Multimeter, RotaryStage, Thermometer
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
@@ -262,6 +265,17 @@ def with_overloads(findings: Findings, folder: RunFolder) -> Findings:
     )
     overload = Flag("overload", message, None, {"count": count})
     return replace(findings, flags=[*findings.flags, overload])
+
+
+def what_was_read(
+    output_V: NDArray[np.float64], temperature_degC: NDArray[np.float64] | None
+) -> dict[tuple[str, str], tuple[float, ...]]:
+    """Return between what the means of all points are, as the voltmeter and thermometer read."""
+    warmth = () if temperature_degC is None else extremes(temperature_degC)
+    return {
+        (MULTIMETER, "voltage"): extremes(output_V),
+        (THERMOMETER, "temperature"): warmth,
+    }
 
 
 def gain_and_zero(

@@ -59,11 +59,13 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     trials = trials_of(analysis, dataset, partial(_tried, settings=settings(parameters)))
     warmth = bench.stated_input((NAVIGATOR, "temperature", ROOM_DEGC, "degC"), WARMTH, ABOUT_WARMTH)
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
-    more: list[InputQuantity] = []
-    if analysis.navigated is not None and parameters.drive is not None:
-        more = drive_inputs(parameters.drive, "the plan")
+    drive = parameters.drive
+    latitude_u_arcmin = None if drive is None else drive.latitude_uncertainty_arcmin
+    more = [latitude_input(latitude_u_arcmin, "the plan")]
+    if analysis.navigated is not None and drive is not None:
+        more += drive_inputs(drive, "the plan")
     findings = to_findings(analysis, dataset, flags, "specification in the plan", more)
-    inputs = [*findings.inputs, *table_inputs(bench), *warmth, latitude_input(None), *more]
+    inputs = [*findings.inputs, *table_inputs(bench), *warmth, *more]
     return replace(findings, inputs=inputs, trials=trials)
 
 
@@ -127,10 +129,10 @@ def drive_inputs(conditions: Departure, source: str) -> list[InputQuantity]:
     return [InputQuantity.if_stated(*row, source) for row in rows]
 
 
-def latitude_input(u_arcmin: float | None) -> InputQuantity:
+def latitude_input(u_arcmin: float | None, source: str = CONDITIONS) -> InputQuantity:
     """Return how well the latitude is known, by which the earth's rate is taken off a drive."""
     u_rad = None if u_arcmin is None else u_arcmin / ARCMIN_PER_RAD
-    return InputQuantity.if_stated(LATITUDE, "latitude of the drive", u_rad, "rad", CONDITIONS)
+    return InputQuantity.if_stated(LATITUDE, "latitude of the drive", u_rad, "rad", source)
 
 
 def table_inputs(bench: Bench) -> Iterator[InputQuantity]:

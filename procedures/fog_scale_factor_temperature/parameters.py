@@ -129,6 +129,7 @@ class DriveTest(Departure):
     file: Annotated[str, Field(min_length=1)]
     reference: Annotated[str, Field(min_length=1)] | None = None
     latitude_deg: Annotated[Degree, Field(ge=-90, le=90)] | None = None
+    latitude_uncertainty_arcmin: Annotated[float, Unit("arcmin"), Field(ge=0)] | None = None
 
 
 class Thresholds(StrictModel):

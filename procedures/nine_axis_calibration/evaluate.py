@@ -21,7 +21,14 @@ from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import latitude_input
 from procedures.estimation.turn_track import SHORT_S, track
 from station.errors import MissingRows
-from station.findings import Analysis, Findings, FlagThresholds, InputQuantity, findings_of
+from station.findings import (
+    Analysis,
+    Findings,
+    FlagThresholds,
+    InputQuantity,
+    extremes,
+    findings_of,
+)
 
 from .all_axes.channels import screened
 from .all_axes.coil import sound_mean
@@ -70,13 +77,17 @@ def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Be
     u_arcmin = parameters.latitude_uncertainty_arcmin
     latitude_rad = math.radians(dataset.latitude_deg)
     inputs.append(latitude_input(latitude_rad, u_arcmin, "the plan"))
-    return findings_with(
+    findings = findings_with(
         dataset,
         others,
         inputs,
         thresholds=FlagThresholds(**dict(parameters.thresholds)),
         limits=pose_limits(parameters),
     )
+    if others is None or others.coil is None:
+        return findings
+    fields_mT = extremes(others.coil.applied_nT.ravel() / NT_PER_MT)
+    return replace(findings, measured={(GAUSSMETER, "field"): fields_mT})
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:

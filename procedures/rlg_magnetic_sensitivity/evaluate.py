@@ -16,6 +16,7 @@ from station.findings import (
     Findings,
     Flag,
     InputQuantity,
+    extremes,
     finite,
     undetermined,
 )
@@ -91,7 +92,19 @@ def findings_of_run(folder: RunFolder, parameters: RlgParameters, bench: Bench) 
         estimates=[*findings.estimates, *absent],
         flags=[*findings.flags, *flags],
         trials=trials,
+        measured={(GAUSSMETER, "field"): extremes(peaks_mT(analysis, dataset))},
     )
+
+
+def peaks_mT(analysis: RlgAnalysis, dataset: RlgDataset) -> Iterator[float]:
+    """Yield how large a field the probe saw along each driven coil: the line's amplitude, and the
+    ambient field's magnitude with it.
+    """
+    for line in analysis.lines:
+        ambient_mT = float(line.ambient_field_mT[AXES.index(line.axis)])
+        at_device = dataset.at_device
+        ratio = 1.0 if at_device is None else at_device.ratio(COIL_OF_AXIS[line.axis])[0]
+        yield (abs(line.own_field_mT) + abs(ambient_mT)) / ratio
 
 
 def tested_results(

@@ -132,7 +132,9 @@ class Operator:
             if prompt.id not in self._answers and not self._acts_alone(prompt)
         ]
         if missing:
-            listed = "".join(f"\n  {prompt.id}: {DONE}    # {prompt.text}" for prompt in missing)
+            listed = "".join(
+                f"\n  {prompt.id}: {prompt.answer_in_file}    # {prompt.text}" for prompt in missing
+            )
             raise UnansweredPrompt(
                 "no operator can be asked, nothing was energised; give these entries in a YAML "
                 f"file with --answers FILE:{listed}"
@@ -214,11 +216,13 @@ class Operator:
     def _meant(self, prompt: Prompt) -> str | None:
         """Return what the answers file means for a prompt; None where it holds no answer to it.
 
-        There `done` stands for a value too: whoever writes the file knows it.
+        There `done` stands for the value of an act too: whoever writes the file knows it.
         """
         given = self._answers.get(prompt.id)
         if given is None or not given.strip():
             return None
+        if prompt.typed:
+            return prompt.meaning(given)
         return prompt.meaning(given) or meaning(given)
 
 

@@ -81,6 +81,16 @@ class Prompt:
         return f"Enter or `{DONE}` to go on, {ends}"
 
     @property
+    def typed(self) -> bool:
+        """Whether it asks for a value and nothing else: no `done` stands for that."""
+        return self.value is not None and not self.physical
+
+    @property
+    def answer_in_file(self) -> str:
+        """Return what an answers file says: `done`, or in brackets which value is wanted."""
+        return f"<{self.value.wanted}>" if self.value is not None and self.typed else DONE
+
+    @property
     def lines(self) -> list[str]:
         """Return what a terminal shows before it asks."""
         shown = [f">> {self.text}"]

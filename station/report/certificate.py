@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from station.clock import utc_now
 from station.files.plan import Plan
+from station.findings import NOT_STATED
 from station.instruments.bench import Bench
 from station.procedure import Procedure, procedure_of
 from station.record.folder import RunFolder
@@ -27,8 +29,11 @@ from station.report.numbers import (
 from station.report.run_report import instrument_rows, time_of_day, version_rows
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import Result, ResultDocument
+from station.units import UnitError, parse_as
 
-AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa"}
+AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa", "%": "%"}
+SET_POINT = "set_point"
+"""Columns that begin so were commanded, not measured."""
 NO_DEVIATION = "The plan states no deviation from the method."
 REPRODUCTION = (
     "This certificate may be reproduced in full only, unless the laboratory agrees in writing."
@@ -67,8 +72,10 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         tested=f"{time_of_day(facts['started_utc'])} to {ended} UTC" if ended else "",
         issued=str(utc_now().date()),
         ambient=tuple(ambient_rows(folder)),
+        room=tuple(room_rows(folder, plan)),
         traceability=tuple(rows),
         other_instruments=tuple(others),
+        unstated=tuple(unstated_inputs(document)),
         results=tuple(result_row(result) for result in document.results),
         decision_rule=RULES[plan.decision_rule],
         verdict=BADGES[document.verdict][1],
@@ -107,9 +114,33 @@ def ambient_rows(folder: RunFolder) -> Iterator[tuple[str, ...]]:
     series.look()
     for source, column, values in series.ranges():
         what, _, unit = column.rpartition("_")
-        if unit in AMBIENT_UNITS:
+        if unit in AMBIENT_UNITS and not what.startswith(SET_POINT):
             texts = [f"{value:.2f}" for value in values]
             yield source, what.replace("_", " "), *texts, AMBIENT_UNITS[unit]
+
+
+def room_rows(folder: RunFolder, plan: Plan) -> Iterator[tuple[str, ...]]:
+    """Yield what a person read of the room: in the plan, or as the answer to a prompt of the run.
+
+    Of several answers, as of a run that was resumed, the last one counts.
+    """
+    answers = {event.details["id"]: event.details["answer"] for event in folder.events_of("prompt")}
+    room = plan.header.room
+    for condition in room.conditions() if room is not None else ():
+        value, read = condition.value, condition.read
+        if value is None:
+            with suppress(UnitError):
+                value = parse_as(answers.get(condition.prompt_id, ""), condition.unit)
+        unit = AMBIENT_UNITS[condition.unit]
+        yield (
+            condition.name,
+            "" if value is None else f"{value:g} {unit}",
+            f"{condition.uncertainty:g} {unit}",
+            read.instrument,
+            read.certificate,
+            str(read.due),
+            plan.operator or "",
+        )
 
 
 def traceability(
@@ -117,17 +148,24 @@ def traceability(
 ) -> tuple[list[tuple[str, ...]], list[str]]:
     """Return the records of the instruments that the results rest on, and the names of others.
 
-    What only commands and is in no budget needs no record.
+    What only commands and is in no budget needs no record. A record of which nothing is in u makes
+    no result traceable.
     """
-    needed = {use.instrument for use in procedure.records(plan.parameters, bench) if use.in_budget}
+    uses = [use for use in procedure.records(plan.parameters, bench) if use.in_budget]
+    needed = {use.instrument for use in uses if use.needed}
+    stated = {
+        use.instrument
+        for use in uses
+        if bench.stated(use.instrument, use.quantity, use.at, use.unit) is not None
+    }
     rows: list[tuple[str, ...]] = []
     others: list[str] = []
     for row in instrument_rows(folder, bench):
         record = bench.record(row.name)
         named = f"{row.model} {row.serial}".strip()
-        if row.name not in needed:
+        if row.name not in needed | stated:
             others.append(f"{row.name} ({named})" if named else row.name)
-        elif record is not None:
+        elif record is not None and row.name in stated:
             rows.append(
                 (
                     row.name,
@@ -139,6 +177,19 @@ def traceability(
                 )
             )
     return rows, others
+
+
+def unstated_inputs(document: ResultDocument) -> Iterator[tuple[str, str]]:
+    """Yield what results depend on and nobody states, and the names of those results."""
+    resting: dict[str, list[str]] = {}
+    for result in document.results:
+        for line in result.budget:
+            if line.source == NOT_STATED:
+                resting.setdefault(line.description, []).append(
+                    result.estimate.measures.replace("_", " ")
+                )
+    for what, names in resting.items():
+        yield what, ", ".join(dict.fromkeys(names))
 
 
 def result_row(result: Result) -> tuple[str, ...]:
@@ -220,6 +271,10 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
     columns = ("Source", "Quantity", "Smallest", "Mean", "Largest", "Unit")
     if certificate.ambient:
         yield Section("Conditions measured during the run", (grid(columns, certificate.ambient),))
+    if certificate.room:
+        read = ("Quantity", "Value", "u", "Read on", "Certificate", "Due", "Typed by")
+        room = [tuple(text or NOTHING for text in row) for row in certificate.room]
+        yield Section("Conditions of the room", (grid(read, room),))
     yield Section("Traceability", tuple(traceability_blocks(certificate)))
     hashes = grid(("File of the run", "SHA-256"), certificate.hashes)
     yield Section("Raw data and software", (hashes, pairs(certificate.versions)))

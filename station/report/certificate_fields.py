@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 
+from station.files.statements import says_something
 from station.findings import Flag
 from station.report.context import Row
 
@@ -30,7 +31,11 @@ MANDATORY: Mapping[str, tuple[str, str, str]] = {
     "issued": ("7.8.2.1 j", "date of issue", "the run"),
     "results": ("7.8.2.1 m", "result", "the run"),
     "signatories": ("7.8.2.1 o", "authorised signatory", "`laboratory.signatories` of the bench"),
-    "ambient": ("7.8.4.1 a", "condition measured during the run", "a source that records it"),
+    "ambient": (
+        "7.8.4.1 b",
+        "condition measured during the run",
+        "a source that records it, or `room` of the plan",
+    ),
     "traceability": (
         "7.8.4.1 c",
         "instrument with a calibration record",
@@ -44,6 +49,7 @@ REASONS = (
     "uncalibrated",
     "calibration-overdue",
     "outside-certified-range",
+    "calibration-unused",
     "safe-state-unverified",
     "not-read-back",
     "data-damaged",
@@ -55,9 +61,11 @@ REASONS = (
 class Certificate:
     """The fields of a certificate as texts and rows; what is empty is missing.
 
+    `room` has name, value, standard uncertainty, instrument, certificate, due and who typed it.
     `traceability` has a row for each instrument that the results rest on: name, model and serial,
-    certificate, date, due, who calibrated it. `results` has name, axis, value, U, k, unit, limit,
-    verdict and probability of conformity.
+    certificate, date, due, who calibrated it. `unstated` has what results depend on and nobody
+    states, and those results. `results` has name, axis, value, U, k, unit, limit, verdict and
+    probability of conformity.
     """
 
     title: str
@@ -79,8 +87,10 @@ class Certificate:
     tested: str
     issued: str
     ambient: tuple[tuple[str, ...], ...]
+    room: tuple[tuple[str, ...], ...]
     traceability: tuple[tuple[str, ...], ...]
     other_instruments: tuple[str, ...]
+    unstated: tuple[Row, ...]
     results: tuple[tuple[str, ...], ...]
     decision_rule: str
     verdict: str
@@ -98,21 +108,52 @@ class Certificate:
     def _reasons(self) -> Iterator[str]:
         if not self.complete:
             yield "The run did not go through all its steps."
+        tested_on = self.tested[: len("2027-01-31")]
+        if self.received > tested_on > "":
+            yield (
+                f"The device was received on {self.received}, and tested on {tested_on} "
+                "(7.8.2.1 h): `dut.received` of the plan."
+            )
+        for name, value, _, instrument, _, due, _ in self.room:
+            if not value:
+                yield (
+                    f"The {name} of the room was not typed (7.8.4.1 b): `room` of the plan, or the "
+                    "answer to the run's prompt."
+                )
+            if tested_on > due:
+                yield (
+                    f"The room was read on {instrument}, whose calibration was due on {due} "
+                    "(7.8.4.1 c)."
+                )
         for row in self.traceability:
-            if not all(row):
+            if row[3] > tested_on > "":
+                yield (
+                    f"The calibration of {row[0]} is of {row[3]}, after the test: the record that "
+                    "held on that day is missing (7.8.4.1 c): `calibration` in the bench file."
+                )
+            if not all(map(says_something, row)):
                 yield (
                     f"The calibration record of {row[0]} lacks certificate, date, due date or who "
                     "calibrated it (7.8.4.1 c): `calibration` in the bench file."
                 )
+        for what, names in self.unstated:
+            yield (
+                f"Nobody states how well this is known, on which {names} depends: {what}. u lacks "
+                "that part (7.8.4.1 a): state it in the plan, or in the calibration record of the "
+                "instrument."
+            )
         yield from messages(flag for flag in self.flags if flag.code in REASONS)
 
 
 def missing_fields(certificate: Certificate) -> Iterator[str]:
-    """Yield a sentence for each mandatory field that is empty."""
+    """Yield a sentence for each mandatory field that is empty, or says nothing."""
     known = {field.name for field in fields(certificate)}
     for name, (clause, words, where) in MANDATORY.items():
         assert name in known, name
-        if not getattr(certificate, name):
+        stated = getattr(certificate, name)
+        if name == "ambient":
+            stated = stated or certificate.room
+        if not stated or (isinstance(stated, str) and not says_something(stated)):
             yield f"The {words} is missing ({clause}): {where}."
 
 

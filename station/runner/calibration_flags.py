@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from station.files.faults import listed
@@ -19,23 +21,37 @@ NOT_STATED = (UNCALIBRATED, OUTSIDE_RANGE)
 """Flags of results whose u lacks a part: the verdict is at best inconclusive."""
 
 
-def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterator[Flag]:
+def record_flags(
+    procedure: Procedure,
+    parameters: Any,
+    bench: Bench,
+    measured: Mapping[tuple[str, str], tuple[float, ...]] = MappingProxyType({}),
+) -> Iterator[Flag]:
     """Yield what the budget of a plan lacks of calibration records, and what of them is not used.
 
-    Only the instruments that the plan uses count.
+    Only the instruments that the plan uses count. A record covers what the plan says, and what was
+    `measured`, where that is known.
     """
     uses = procedure.records(parameters, bench)
-    lacking = [
+    in_budget = [use for use in uses if use.in_budget]
+    stating = [
         use
-        for use in uses
-        if use.in_budget
-        and use.needed
-        and bench.stated(use.instrument, use.quantity, use.at, use.unit) is None
+        for use in in_budget
+        if ("uncertainty", use.quantity) in bench.statements(use.instrument)
     ]
-    outside = [
-        use for use in lacking if ("uncertainty", use.quantity) in bench.statements(use.instrument)
-    ]
-    if absent := [use for use in lacking if use not in outside]:
+    absent = [use for use in in_budget if use.needed and use not in stating]
+    outside = []
+    for use in stating:
+        planned = (use.at,) if use.needed else ()
+        values = [*planned, *measured.get((use.instrument, use.quantity), ())]
+        beyond = [
+            value
+            for value in values
+            if bench.stated(use.instrument, use.quantity, value, use.unit) is None
+        ]
+        if beyond:
+            outside.append(replace(use, at=max(beyond, key=abs)))
+    if absent:
         named = listed(f"{use.instrument} ({use.quantity})" for use in absent)
         yield Flag(
             UNCALIBRATED,
@@ -45,7 +61,7 @@ def record_flags(procedure: Procedure, parameters: Any, bench: Bench) -> Iterato
             details={"instruments": list(dict.fromkeys(use.instrument for use in absent))},
         )
     for use in outside:
-        at = format_quantity(use.at, use.unit)
+        at = format_quantity(float(f"{use.at:.7g}"), use.unit)
         yield Flag(
             OUTSIDE_RANGE,
             f"The calibration record of {use.instrument} states the uncertainty of {use.quantity} "

@@ -72,7 +72,7 @@ def evaluate_run(
         with quiet_numbers():
             findings, missing = findings_of_run(folder, plan, bench)
             findings = propagate(findings) if propagate else findings
-        of_records = list(record_flags(procedure, plan.parameters, bench))
+        of_records = list(record_flags(procedure, plan.parameters, bench, findings.measured))
         flags = [
             *findings.flags,
             *flags_of_run(folder, bench),

@@ -31,6 +31,7 @@ from station.runner.evaluation import conclude_run, exit_code_of
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import Warned, preflight, watch_system_clock
 from station.runner.progress import Progress, how_long
+from station.runner.room import prompts_of_room
 from station.runner.run import ActingRun
 from station.runner.session import BenchSession, Replay
 from station.runner.step_runner import StepRunner
@@ -185,7 +186,7 @@ def note_end(record: RunRecord) -> None:
 
 
 def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
-    """Return every prompt a run may show: the procedure's own and those of its drivers."""
+    """Return every prompt a run may show: the procedure's own and those of its drivers and room."""
     walk = procedure.walk(plan.parameters)
     prompts = list(walk.prompts)
     for name in walk.instruments:
@@ -193,7 +194,7 @@ def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
             driver = registry.load(registry.DRIVERS, bench.instruments[name].driver)
             asked: Mapping[str, str] = getattr(driver, "prompts", {})
             prompts.extend(Prompt(prompt_id, text) for prompt_id, text in asked.items())
-    return prompts
+    return [*prompts, *prompts_of_room(plan)]
 
 
 def head_of(

@@ -25,6 +25,7 @@ from station.method.set_points import Envelope
 from station.record.events import AT_REST_AGAIN, SAFE_STATE, TIME_MISSED, WITNESS_READ
 from station.roles.base import MadeSafe
 from station.runner.outcome import Outcome, in_one_sentence
+from station.runner.room import prompts_of_room
 from station.runner.run import ActingRun
 from station.runner.session import BenchSession
 from station.runner.watchers import FolderWatch, StallWatch, StayingAwake
@@ -113,6 +114,8 @@ class StepRunner:
                 self._watch(signals)
                 if self._first is not None:
                     run.ask_again(self._first)
+                for prompt in prompts_of_room(run.plan):
+                    run.ask(prompt)
                 left = self._procedure.walk(run.parameters, run.past)
                 for step in self._procedure.steps:
                     expected_s = left.duration(step.number).expected_s

@@ -16,6 +16,7 @@ from station.errors import InputError
 from station.fields import StrictModel, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.plan.composition import compose
+from station.files.plan.room import Room
 from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, leaves
 from station.files.yaml.reading import read_yaml
@@ -182,6 +183,7 @@ class PlanHeader(StrictModel):
     check_standard: bool = False
     dut: Dut
     customer: Customer | None = None
+    room: Room | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     limits: dict[str, Any] = Field(default_factory=dict)
     decision_rule: Rule = "simple"

@@ -126,8 +126,8 @@ def test_the_faults_of_all_parts_are_reported_at_once() -> None:
         "8:19: limits.gain.max_abs: '3 mT' is a magnetic field, expected a ratio such as '0.5 %'",
         "9:16: decision_rule: must be 'simple' or 'guarded', not 'strict'",
         "10:1: notes: is not known here; known are plan, procedure, title, operator, released, "
-        "check_standard, dut, customer, parameters, limits, decision_rule, references, deviations, "
-        "extends, vars",
+        "check_standard, dut, customer, room, parameters, limits, decision_rule, references, "
+        "deviations, extends, vars",
     ]
 
 

@@ -284,8 +284,28 @@ def test_a_field_outside_the_certified_range_does_not_pass_and_is_named(tmp_path
     assert outcome.document is not None
     flags = {flag.code: flag for flag in outcome.document.flags}
     assert "uncalibrated" not in flags
-    assert flags["outside-certified-range"].details["value"] == "1 mT"
+    assert flags["outside-certified-range"].details["value"].startswith("1.0")
     assert (outcome.document.verdict, outcome.exit_code) == ("inconclusive", 6)
+
+
+def test_what_was_measured_is_held_against_the_certified_range_and_not_the_plan_alone(
+    tmp_path: Path,
+) -> None:
+    entry = {"quantity": "field", "up_to": "1 mT", "relative": "1 %", "coverage_factor": 2}
+    change = {"instruments/gaussmeter/calibration/uncertainty": [entry]}
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS, bench=change)
+    assert outcome.document is not None
+    (outside,) = [f for f in outcome.document.flags if f.code == "outside-certified-range"]
+    assert 1.0 < float(outside.details["value"].removesuffix(" mT")) < 1.1
+    assert outcome.document.verdict == "inconclusive"
+    procedure = procedure_of(RLG)
+    plan = read_plan_for(RLG, read_bench_named("sim"))
+    used = bench_with({"gaussmeter": {"uncertainty": entry}})
+    assert not [*record_flags(procedure, plan.parameters, used)]
+    for value, codes in ((0.9999, []), (1.0001, ["outside-certified-range"])):
+        known = {("gaussmeter", "field"): (value,)}
+        flags = record_flags(procedure, plan.parameters, used, known)
+        assert [flag.code for flag in flags] == codes
 
 
 @pytest.mark.parametrize(
