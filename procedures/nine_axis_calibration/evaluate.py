@@ -86,7 +86,11 @@ def findings_of_run(folder: RunFolder, parameters: NineAxisParameters, bench: Be
     )
     if others is None or others.coil is None:
         return findings
-    fields_mT = extremes(others.coil.applied_nT.ravel() / NT_PER_MT)
+    coil = others.coil
+    if coil.at_device is not None:  # the record is of what the probe read
+        back = np.asarray(np.linalg.inv(coil.at_device.matrix), dtype=np.float64)
+        coil = coil.carried(back)
+    fields_mT = extremes(coil.applied_nT.ravel() / NT_PER_MT)
     return replace(findings, measured={(GAUSSMETER, "field"): fields_mT})
 
 

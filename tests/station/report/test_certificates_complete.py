@@ -47,6 +47,7 @@ STATED: Mapping[str, Mapping[str, Any]] = {
     "serf-nonorthogonality": {"coil_constants": "known"},
     "fog-scale-factor-temperature": {"drive": LATITUDE},
     "nine-axis-calibration": LATITUDE,
+    "nine-axis-calibration-coil": LATITUDE,
     "gyro-static-noise": LATITUDE,
     "gyro-rate-table": LATITUDE,
     "gyro-bias-temperature": LATITUDE,
@@ -80,3 +81,4 @@ def test_a_complete_plan_on_a_complete_bench_is_a_draft_for_its_simulation_alone
     (reason,) = certificate.draft_reasons()
     assert "simulated" in reason
     assert certificate.room[0][1] == "21.3 °C"
+    assert not [row for row in certificate.ambient if "set point" in row[1]]
