@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -40,11 +40,13 @@ from station.plots import (
     Steps,
 )
 from station.report.pdf import FIRST_IDEOGRAPH, font_with
+from station.report.typesetting import with_signs
 from station.texts import ENGLISH, IN_ENGLISH, Texts, whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Translate = Callable[[str], str]
 DPI = 110
 CSS_DPI = 96
 WIDTH_IN = 9.4
@@ -152,6 +154,10 @@ def figure_of(plot: Plot, texts: Texts = IN_ENGLISH, style: dict[str, Any] = STY
             top=1.0 - TOP_IN / plot.height_in,
         )
         made: list[tuple[Panel, Axes]] = []
+
+        def typeset(text: str) -> str:
+            return with_signs(texts(text))
+
         for panel in plot.panels:
             axes = figure.add_subplot(
                 grid[panel.row, panel.column : panel.column + panel.columns],
@@ -160,11 +166,11 @@ def figure_of(plot: Plot, texts: Texts = IN_ENGLISH, style: dict[str, Any] = STY
             )
             made.append((panel, axes))
         for panel, axes in made:
-            _fill(axes, panel, texts)
+            _fill(axes, panel, typeset)
         for panel, axes in made:
-            _finish(axes, panel, plot, texts)
+            _finish(axes, panel, plot, typeset)
         for strip in {panel.row: (panel, axes) for panel, axes in made if panel.scale}.values():
-            _strip(figure, *strip, texts)
+            _strip(figure, *strip, typeset)
         if len({panel.row for panel in plot.panels}) > 1:
             figure.align_ylabels([axes for panel, axes in made if panel.column == 0])
     return figure
@@ -180,7 +186,7 @@ def _shared(
     return None
 
 
-def _fill(axes: Axes, panel: Panel, texts: Texts) -> None:
+def _fill(axes: Axes, panel: Panel, texts: Translate) -> None:
     """Draw the items of a panel, and its legend."""
     for axis, own, scale in (
         (panel.x, axes.xaxis, axes.set_xscale),
@@ -208,7 +214,7 @@ def _fill(axes: Axes, panel: Panel, texts: Texts) -> None:
         )
 
 
-def _draw(axes: Any, item: Item, panel: Panel, order: float, texts: Texts) -> Any:
+def _draw(axes: Any, item: Item, panel: Panel, order: float, texts: Translate) -> Any:
     """Draw an item, and return what stands for it in the legend."""
     colour = _colour(getattr(item, "colour", INK), panel.scale)
     if isinstance(item, Line):
@@ -350,7 +356,7 @@ def _colour(colour: str | float, scale: Scale | None) -> Any:
     return mpl.colormaps[MAPS[scale.colours]](share)
 
 
-def _finish(axes: Axes, panel: Panel, plot: Plot, texts: Texts) -> None:
+def _finish(axes: Axes, panel: Panel, plot: Plot, texts: Translate) -> None:
     """Set the limits, ticks and labels of a panel, once everything is drawn."""
     both: tuple[tuple[Literal["x", "y"], Axis, Any], ...]
     both = (("x", panel.x, axes.xaxis), ("y", panel.y, axes.yaxis))
@@ -392,7 +398,7 @@ def limits(axes: Axes, name: str, axis: Axis) -> None:
         getattr(axes, f"set_{name}lim")(*given)
 
 
-def _strip(figure: Figure, panel: Panel, axes: Axes, texts: Texts) -> None:
+def _strip(figure: Figure, panel: Panel, axes: Axes, texts: Translate) -> None:
     """Draw what colour stands for what number, beside the panels of a row."""
     scale = panel.scale
     if scale is None or not scale.strip:

@@ -28,6 +28,7 @@ from station.report.numbers import (
     is_numeric_column,
     typeset,
 )
+from station.report.typesetting import with_signs
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 from station.texts import FLAGS, IN_ENGLISH, Texts, catalogue, tag, translator
 from station.uncertainty import BudgetLine
@@ -102,12 +103,13 @@ def environment(texts: Texts = IN_ENGLISH) -> Environment:
     )
     environment.globals["t"] = texts
     environment.globals["tag"] = tag(texts.languages[0])
-    environment.filters["t"] = lambda text: _lines(texts(text))
-    environment.filters["words"] = lambda text: " ".join(texts(text).splitlines())
+    environment.filters["t"] = lambda text: _lines(with_signs(texts(text)))
+    environment.filters["words"] = lambda text: " ".join(with_signs(texts(text)).splitlines())
     environment.filters["flag"] = lambda code: flag_title(code, texts)
-    environment.filters["lines"] = _lines
-    environment.filters["minus"] = lambda text: typeset(
-        " ".join(texts(text).splitlines()) if text.strip() == UNDETERMINED else text
+    environment.filters["lines"] = lambda text: _lines(with_signs(text))
+    environment.filters["units"] = with_signs
+    environment.filters["minus"] = lambda text: with_signs(
+        typeset(" ".join(texts(text).splitlines()) if text.strip() == UNDETERMINED else text)
     )
     environment.filters["methods"] = lambda methods: _lines(methods_in_words(methods, texts))
     environment.filters["duration"] = format_duration
@@ -148,18 +150,22 @@ def badge_of(document: ResultDocument, context: ReportContext) -> dict[str, str]
     if not asked and not lacking:
         why = "No limit was given; the values stand for themselves."
     else:
-        count = len(asked) + lacking
-        undecided = count - inside - outside
-        counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
-        listed = ", ".join(f"{number} {word}" for number, word in counts if number)
-        why = f"{count} results have a limit: {listed}."
-        if count == 1:
-            why = f"{count} result has a limit: {listed}."
+        why = counted(inside, outside, len(asked) + lacking - inside - outside)
     if not document.excited:
         why = "The device was not exposed to the commanded field: see the flags. No verdict on it."
     if not context.bench_safe:
         why += " The bench's safe state was not verified, so this run cannot pass."
     return {"verdict": document.verdict, "mark": mark, "words": words, "why": why}
+
+
+def counted(inside: int, outside: int, undecided: int) -> str:
+    """Return in a sentence how many results with a limit are within it, outside, undecided."""
+    counts = [(inside, "within"), (outside, "outside"), (undecided, "undecided")]
+    listed = ", ".join(f"{number} {word}" for number, word in counts if number)
+    count = inside + outside + undecided
+    if count == 1:
+        return f"{count} result has a limit: {listed}."
+    return f"{count} results have a limit: {listed}."
 
 
 def result_rows(results: Sequence[Result]) -> list[dict[str, str]]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from station.report.numbers import is_numeric_column, typeset
+from station.report.typesetting import with_signs
 from station.texts import IN_ENGLISH, Texts, tag
 
 PRINTED = (
@@ -36,8 +37,8 @@ class Block:
     numeric: tuple[bool, ...] = ()
     image: bytes = b""
 
-    def translated(self, texts: Texts) -> Block:
-        """Return the block in other languages; numbers stay as they are."""
+    def translated(self, texts: Callable[[str], str]) -> Block:
+        """Return the block in other words; numbers stay as they are."""
         return replace(
             self,
             title=texts(self.title),
@@ -54,8 +55,8 @@ class Section:
     title: str
     blocks: tuple[Block, ...]
 
-    def translated(self, texts: Texts) -> Section:
-        """Return the section in other languages."""
+    def translated(self, texts: Callable[[str], str]) -> Section:
+        """Return the section in other words."""
         return Section(texts(self.title), tuple(block.translated(texts) for block in self.blocks))
 
 
@@ -88,8 +89,9 @@ class Sheet:
         )
 
     def to_data(self) -> dict[str, Any]:
-        """Return the sheet as plain data; a picture is the name of its file."""
-        data = asdict(replace(self, texts=IN_ENGLISH))
+        """Return the sheet as plain data, units typeset; a picture is the name of its file."""
+        sections = tuple(part.translated(with_signs) for part in self.sections)
+        data = asdict(replace(self, texts=IN_ENGLISH, sections=sections))
         data["texts"] = {text: self.texts(text) for text in PRINTED}
         data["language"], _, region = tag(self.texts.languages[0]).partition("-")
         data["region"] = region.lower() or None

@@ -1,0 +1,36 @@
+"""Units as they are set on paper and in pictures; in files and on the wire they stay ASCII."""
+
+from __future__ import annotations
+
+import re
+
+from station.report.numbers import RAISED
+
+SIGNS = {
+    r"degC\b": "°C",
+    r"ohm\b": "Ω",
+    r"u(?=(?:T|V|A|g|m|W|rad)\b)": "µ",
+    r"us(?<=\d us)": "µs",
+}
+"""Names of units, or the beginning of one, with the sign that stands for it."""
+ROOT = r"sqrt\((?P<root>\w+)\)"
+POWER = r"(?<=[\w)])\^(?P<power>-?\d+)"
+TYPED = "`[^`]*`"
+"""What is typed at a terminal or stands in a file: it stays as it is."""
+_NAMES = "|".join(rf"(?P<s{n}>(?<![A-Za-z_]){name})" for n, name in enumerate(SIGNS))
+_UNITS = re.compile(rf"{TYPED}|{ROOT}|{POWER}|(?:{_NAMES})(?!_)")
+_BY_GROUP = {f"s{n}": sign for n, sign in enumerate(SIGNS.values())}
+
+
+def with_signs(text: str) -> str:
+    """Return a text with typeset units: `V/g^2` as V/g², `deg/sqrt(h)` as deg/√h, `degC` as °C."""
+    return _UNITS.sub(_sign, text)
+
+
+def _sign(match: re.Match[str]) -> str:
+    group = match.lastgroup
+    if group == "root":
+        return f"√{match['root']}"
+    if group == "power":
+        return match["power"].translate(RAISED)
+    return _BY_GROUP.get(group or "", match.group())
