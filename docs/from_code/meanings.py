@@ -582,6 +582,8 @@ BENCH = {
     "laboratory.location": "where the bench stands, where that is not the address",
     "laboratory.country": "its country in two letters, such as `DE` (ISO 3166-1), for a dcc",
     "laboratory.accreditation": "body and number of the accreditation",
+    "laboratory.cmc": "smallest U that a certificate may state (CMC), by name of the result",
+    "laboratory.si_statement": "how the results are traceable to the SI, as certificates say it",
     "laboratory.trusted_keys": "keys whose signatures count for `station verify --bench`: 64 "
     "digits each, then the name it signs in, or nothing",
     "laboratory.signatories": "who may authorise a certificate",

@@ -275,6 +275,7 @@ def _at_reference(fit: AxisFit, dataset: FogDataset, widest_degC: float) -> Esti
     curve = fit.curve
     extra: dict[str, Any] = {
         "reference_temperature": asked,
+        "conditions": {"temperature": f"{asked:g} degC"},
         "model": None if curve is None else model_data(curve),
         "rejected_rows": fit.rejected_rows,
     }
@@ -290,9 +291,15 @@ def _at_reference(fit: AxisFit, dataset: FogDataset, widest_degC: float) -> Esti
     )
 
 
+def _held_at(temperature_degC: float) -> dict[str, Any]:
+    """Return the temperature of a largest value, as a number and as people read it."""
+    text = f"{temperature_degC:.1f} degC"
+    return {"temperature": temperature_degC, "conditions": {"temperature": text}}
+
+
 def _largest(fit: AxisFit, widest_degC: float) -> Estimate:
     at = 0.0 if fit.curve is None else fit.curve.largest_at_degC()
-    extra = {} if fit.curve is None else {"temperature": at}
+    extra = {} if fit.curve is None else _held_at(at)
     if any(until - since > widest_degC for since, until in fit.gaps_degC):
         return undetermined("largest_scale_factor_error", fit.axis, "ppm", "weighted")
     return _estimate("largest_scale_factor_error", fit, at, True, extra)
@@ -311,7 +318,7 @@ def _verified(verified: Verified, fit: AxisFit) -> Estimate:
         "weighted",
         {TABLE_ANGLE: 0.0} | ({BIAS: by_bias} if by_bias else {}),
         {
-            "temperature": float(verified.temperature_degC[worst]),
+            **_held_at(float(verified.temperature_degC[worst])),
             "turns": len(verified.after_ppm),
             "rms_before": float(np.sqrt(np.mean(verified.before_ppm**2))),
             "rms_after": float(np.sqrt(np.mean(verified.after_ppm**2))),

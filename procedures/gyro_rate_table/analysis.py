@@ -66,7 +66,7 @@ def analyse(dataset: RateTableDataset, settings: AnalysisSettings = SETTINGS) ->
         runs = runs_of(records, within, dataset.sample_interval_s)
         fit = solution_of(records, within, own, screened.scale, runs)
         results = results_of(fit, dataset.range_deg_per_s)
-    estimates = _estimates(dataset, results, level)
+    estimates = _estimates(dataset, results, level, fit.switch_ons if fit is not None else 0)
     published = published_values(records, screened.scale * dataset.earth_up_deg_per_h, dataset.axis)
     flags = data_flags(dataset, screened, settings)
     flags += result_flags(screened, fit, results, estimates, settings)
@@ -88,7 +88,7 @@ def end_variance(records: Sequence[Kept], accuracy_deg: float, scale: float) -> 
 
 
 def _estimates(
-    dataset: RateTableDataset, results: Results | None, level_deg_per_h: float
+    dataset: RateTableDataset, results: Results | None, level_deg_per_h: float, switch_ons: int
 ) -> list[Estimate]:
     """Return one estimate for each result, in the order of the contract."""
     named: dict[str, Measured | None] = dict.fromkeys(UNITS)
@@ -123,6 +123,8 @@ def _estimates(
             depends = {"level": scale * level_deg_per_h, "pulse_weight": value}
         freedom = measured.degrees_of_freedom
         extra: dict[str, object] = {}
+        if name == "scale_factor_repeatability":
+            extra["switch_ons"] = switch_ons
         if name == "scale_factor" and results is not None:
             extra["rates"] = [
                 {

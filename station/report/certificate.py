@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 from station.clock import utc_now
 from station.files.plan import Plan
@@ -18,17 +17,23 @@ from station.record.folder import RunFolder
 from station.record.layout import EVENTS, MANIFEST, RAW, covered_files, file_hash
 from station.record.series import RunSeries
 from station.recorded import read_plan_and_bench
+from station.report.certificate_cmc import not_below_cmc
+from station.report.certificate_curves import curve_tables
 from station.report.certificate_fields import Certificate, messages
-from station.report.html import BADGES, RULES, verdict_words
-from station.report.numbers import (
-    NOTHING,
-    format_limit,
-    format_number,
-    format_with_uncertainty,
+from station.report.certificate_results import (
+    ASSUMED,
+    convention_row,
+    is_convention,
+    left_out,
+    measured,
+    result_row,
+    verdict_sentence,
 )
+from station.report.html import BADGES, RULES
+from station.report.numbers import NOTHING
 from station.report.run_report import instrument_rows, time_of_day, version_rows
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
-from station.results import Result, ResultDocument
+from station.results import ResultDocument
 from station.units import UnitError, parse_as
 
 AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa", "%": "%"}
@@ -52,6 +57,7 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
     references = dict(header.references)
     ended = time_of_day(facts.get("ended_utc")) or ""
     rows, others = traceability(folder, plan, bench, procedure)
+    document, raised = not_below_cmc(document, laboratory, plan.decision_rule)
     certificate = Certificate(
         title=f"Calibration certificate: {procedure.title}",
         laboratory=laboratory.name if laboratory else "",
@@ -65,6 +71,7 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         work_instruction=references.pop("work_instruction", ""),
         references=tuple(references.items()),
         method=f"{procedure.title}, after {procedure.source}" if procedure.source else "",
+        cited=references.pop("method", ""),
         deviations=header.deviations,
         device=tuple(device_rows(plan)),
         condition=header.dut.condition or "",
@@ -74,11 +81,16 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         ambient=tuple(ambient_rows(folder)),
         room=tuple(room_rows(folder, plan)),
         traceability=tuple(rows),
+        si_statement=(laboratory.si_statement or "") if laboratory else "",
         other_instruments=tuple(others),
         unstated=tuple(unstated_inputs(document)),
-        results=tuple(result_row(result) for result in document.results),
+        results=tuple(result_row(result) for result in measured(document)),
+        conventions=tuple(map(convention_row, filter(is_convention, document.results))),
+        remarks=(*raised, *left_out(document)),
+        curves=tuple(curve_tables(document)),
+        assumptions=(*procedure.assumptions, *ASSUMED),
         decision_rule=RULES[plan.decision_rule],
-        verdict=BADGES[document.verdict][1],
+        verdict=verdict_sentence(document),
         flags=tuple(document.flags),
         signatories=tuple(
             (signatory.name, signatory.function) for signatory in laboratory.signatories
@@ -192,30 +204,6 @@ def unstated_inputs(document: ResultDocument) -> Iterator[tuple[str, str]]:
         yield what, ", ".join(dict.fromkeys(names))
 
 
-def result_row(result: Result) -> tuple[str, ...]:
-    """Return a result as printed: U with two significant digits, the value rounded to it."""
-    estimate, combined, data = result.estimate, result.combined, result.to_data()
-    value, expanded = format_with_uncertainty(estimate.value, result.expanded_uncertainty)
-    name = estimate.measures.replace("_", " ")
-    at = f" at {estimate.holds_at}" if estimate.holds_at else ""
-    return (
-        f"{name}{at}",
-        estimate.axis or "",
-        value,
-        expanded,
-        f"{combined.coverage_factor:.2f}" if combined else NOTHING,
-        estimate.unit,
-        format_limit(result.limit),
-        verdict_words(result.decision),
-        probability_text(data.get("conformity_probability")),
-    )
-
-
-def probability_text(probability: Any) -> str:
-    """Return a probability of conformity in %, nothing where there is none."""
-    return "" if probability is None else f"{format_number(100.0 * float(probability), 3)} %"
-
-
 def hash_rows(folder: RunFolder) -> Iterator[tuple[str, str]]:
     """Yield the SHA-256 of the manifest, the log and each raw file, as the manifest has them."""
     path = folder.path
@@ -261,11 +249,16 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
         ("Operator", certificate.operator),
     )
     yield Section("Customer and device", (pairs(head),))
-    method = (("Method", certificate.method), ("Work instruction", certificate.work_instruction))
+    method = (
+        ("Method", certificate.method),
+        ("Cited as", certificate.cited),
+        ("Work instruction", certificate.work_instruction),
+    )
     deviations = sentences(certificate.deviations or (NO_DEVIATION,))
     yield Section("Method", (pairs(method), replace(deviations, title="Deviations")))
-    decided = any(row[6] != NOTHING for row in certificate.results)
+    decided = certificate.verdict != BADGES["none"][1]
     yield Section("Results", tuple(result_blocks(certificate, decided=decided)))
+    yield Section("What the results rest on", (sentences(certificate.assumptions),))
     if certificate.flags:
         yield Section("What the reader must know", (sentences(messages(certificate.flags)),))
     columns = ("Source", "Quantity", "Smallest", "Mean", "Largest", "Unit")
@@ -307,6 +300,13 @@ def result_blocks(certificate: Certificate, *, decided: bool) -> Iterator[Block]
         )
     else:
         yield sentences(("No limit was asked for: this is no statement of conformity.",))
+    if certificate.conventions:
+        named = ("Quantity", "Axis", "Value", "Unit")
+        yield grid(named, certificate.conventions, title="Set by convention, not measured")
+    if certificate.remarks:
+        yield sentences(certificate.remarks)
+    for title, names, lines, below in certificate.curves:
+        yield grid(names, lines, below, title)
 
 
 def traceability_blocks(certificate: Certificate) -> Iterator[Block]:
@@ -316,6 +316,8 @@ def traceability_blocks(certificate: Certificate) -> Iterator[Block]:
         rows = [tuple(text or NOTHING for text in row) for row in certificate.traceability]
         caption = "The results are traceable through these certificates, and through no other."
         yield grid(columns, rows, caption)
+    if certificate.si_statement:
+        yield sentences((certificate.si_statement,))
     if certificate.other_instruments:
         used = ", ".join(certificate.other_instruments)
         yield sentences((f"Used, but in no budget of a result: {used}.",))

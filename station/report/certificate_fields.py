@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 from station.files.statements import says_something
 from station.findings import Flag
+from station.report.certificate_curves import Table
 from station.report.context import Row
 
 MANDATORY: Mapping[str, tuple[str, str, str]] = {
@@ -65,7 +66,8 @@ class Certificate:
     `traceability` has a row for each instrument that the results rest on: name, model and serial,
     certificate, date, due, who calibrated it. `unstated` has what results depend on and nobody
     states, and those results. `results` has name, axis, value, U, k, unit, limit, verdict and
-    probability of conformity.
+    probability of conformity; `conventions` those that were set and not measured, and `remarks`
+    says in sentences which the data do not determine, and whose U is the CMC.
     """
 
     title: str
@@ -79,6 +81,7 @@ class Certificate:
     order: str
     references: tuple[Row, ...]
     method: str
+    cited: str
     work_instruction: str
     deviations: tuple[str, ...]
     device: tuple[Row, ...]
@@ -89,9 +92,14 @@ class Certificate:
     ambient: tuple[tuple[str, ...], ...]
     room: tuple[tuple[str, ...], ...]
     traceability: tuple[tuple[str, ...], ...]
+    si_statement: str
     other_instruments: tuple[str, ...]
     unstated: tuple[Row, ...]
     results: tuple[tuple[str, ...], ...]
+    conventions: tuple[tuple[str, ...], ...]
+    remarks: tuple[str, ...]
+    curves: tuple[Table, ...]
+    assumptions: tuple[str, ...]
     decision_rule: str
     verdict: str
     flags: tuple[Flag, ...]

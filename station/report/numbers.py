@@ -35,13 +35,13 @@ def format_with_uncertainty(value: float | None, uncertainty: float | None) -> t
         return format_number(value), NOTHING
     if uncertainty <= 0:
         return format_number(value, 6), "0"
-    place = _last_place(uncertainty, 2)
+    place = last_place(uncertainty, 2)
     largest = max(_exponent(value) if value else place, place + 1)
     if largest in PLAIN_EXPONENTS and place >= LAST_PLAIN_PLACE:
-        return _rounded(value, place), _rounded(uncertainty, place)
+        return rounded(value, place), rounded(uncertainty, place)
     shift = Decimal(10) ** -largest
     return tuple(  # type: ignore[return-value]
-        f"{_rounded(float(Decimal(repr(float(number))) * shift), place - largest)}e{largest}"
+        f"{rounded(float(Decimal(repr(float(number))) * shift), place - largest)}e{largest}"
         for number in (value, uncertainty)
     )
 
@@ -54,7 +54,7 @@ def format_number(value: float | None, digits: int = 4) -> str:
         return "0"
     exponent = _exponent(value)
     if exponent in PLAIN_EXPONENTS or 0 <= exponent < digits:
-        return _rounded(value, _last_place(value, digits))
+        return rounded(value, last_place(value, digits))
     return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
 
 
@@ -159,7 +159,7 @@ def _exponent(value: float) -> int:
     return Decimal(repr(abs(float(value)))).adjusted()
 
 
-def _last_place(value: float, digits: int) -> int:
+def last_place(value: float, digits: int) -> int:
     """Return the power of ten of the last of so many significant digits, rounding included."""
     exact = Decimal(repr(abs(float(value))))
     place = exact.adjusted() - digits + 1
@@ -167,7 +167,7 @@ def _last_place(value: float, digits: int) -> int:
     return rounded.adjusted() - digits + 1
 
 
-def _rounded(value: float, place: int) -> str:
+def rounded(value: float, place: int) -> str:
     """Return the value rounded to a power of ten, in plain digits and without a negative zero."""
     exact = Decimal(repr(float(value))).quantize(Decimal(1).scaleb(place), ROUND_HALF_EVEN)
     text = f"{exact:f}" if place <= 0 else f"{Decimal(int(exact)):f}"

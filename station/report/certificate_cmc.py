@@ -1,0 +1,72 @@
+"""No U below the laboratory's calibration and measurement capability (CMC) is stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from station.decision import conformity, decide, overall
+from station.errors import InputError
+from station.report.certificate_results import is_convention, listed
+from station.units import UnitError
+
+if TYPE_CHECKING:
+    from station.decision import Rule
+    from station.instruments.laboratory import Laboratory
+    from station.results import Result, ResultDocument
+
+
+def not_below_cmc(
+    document: ResultDocument, laboratory: Laboratory | None, rule: Rule
+) -> tuple[ResultDocument, tuple[str, ...]]:
+    """Return the results with every U at least the CMC, and a sentence that names those raised.
+
+    What is decided on them is decided again, with the larger U. Raises InputError for a CMC in
+    another dimension than the result.
+    """
+    if laboratory is None or not laboratory.cmc:
+        return document, ()
+    results, raised = [], []
+    for result in document.results:
+        smallest = _smallest(laboratory, result)
+        expanded = result.expanded_uncertainty
+        if smallest is None or expanded is None or is_convention(result) or expanded >= smallest:
+            results.append(result)
+            continue
+        results.append(_with_expanded(result, smallest, rule))
+        raised.append(result)
+    if not raised:
+        return document, ()
+    verdict = document.verdict
+    if verdict in ("pass", "fail"):
+        verdict = overall(result.decision.verdict for result in results)
+    sentence = (
+        f"U is the laboratory's calibration and measurement capability (CMC), and not the smaller "
+        f"one of this measurement, for: {listed(raised)}."
+    )
+    return replace(document, results=results, verdict=verdict), (sentence,)
+
+
+def _smallest(laboratory: Laboratory, result: Result) -> float | None:
+    estimate = result.estimate
+    try:
+        return laboratory.smallest_expanded(estimate.name, estimate.unit)
+    except UnitError as error:
+        raise InputError(f"`laboratory.cmc.{estimate.name}` of the bench file: {error}") from error
+
+
+def _with_expanded(result: Result, expanded: float, rule: Rule) -> Result:
+    """Return a result with another U at its own coverage factor, and the decision that follows."""
+    combined, value = result.combined, result.estimate.value
+    assert combined is not None
+    u = expanded / combined.coverage_factor
+    decision = result.decision
+    if decision.verdict in ("pass", "fail"):
+        decision = decide(value, expanded, result.limit, rule)
+    return replace(
+        result,
+        combined=replace(combined, standard_uncertainty=u, expanded_uncertainty=expanded),
+        decision=decision,
+        guard_band=expanded if rule == "guarded" else 0.0,
+        conformity=conformity(value, u, combined.degrees_of_freedom, result.limit),
+    )
