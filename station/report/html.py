@@ -14,6 +14,7 @@ from station.decision import Decision
 from station.findings import Published
 from station.parts import Part, Table
 from station.plots import Plot
+from station.report.budgets import budgets_of
 from station.report.context import ReportContext
 from station.report.numbers import (
     NOTHING,
@@ -31,7 +32,6 @@ from station.report.numbers import (
 from station.report.typesetting import with_signs
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 from station.texts import FLAGS, IN_ENGLISH, Texts, catalogue, tag, translator
-from station.uncertainty import BudgetLine
 
 BADGES = {
     "pass": ("✓", "Within limits"),
@@ -237,55 +237,6 @@ def _published_text(published: Published, result: Result | None) -> str:
     return format_with_uncertainty(published.value, result.combined.standard_uncertainty)[0]
 
 
-def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Return for each result its contributions with their share of the variance."""
-    budgets = []
-    for result in results:
-        if result.combined is None:
-            continue
-        variance = result.combined.standard_uncertainty**2
-        rows = [
-            {
-                "description": line.description,
-                "kind": line.kind,
-                **_input_texts(line),
-                "percent": 100.0 * line.contribution**2 / variance if variance else 0.0,
-                "share": _share(100.0 * line.contribution**2 / variance if variance else 0.0),
-                "source": line.source,
-            }
-            for line in result.combined.budget
-        ]
-        total = format_with_uncertainty(
-            result.estimate.value, result.combined.standard_uncertainty
-        )[1]
-        aligned = _aligned([*rows, {"contribution": total}], ("contribution",))
-        budgets.append(
-            {
-                "name": _plain(result.estimate.measures),
-                "axis": result.estimate.axis or "",
-                "unit": result.estimate.unit,
-                "total": aligned[-1]["contribution"],
-                "rows": aligned[:-1],
-            }
-        )
-    return budgets
-
-
-def _input_texts(line: BudgetLine) -> dict[str, str]:
-    """Return what a budget says of an input; of one that nobody states no contribution."""
-    given = line.standard_uncertainty is not None
-    u = format_number(line.standard_uncertainty, 3)
-    contribution = format_with_uncertainty(line.contribution, line.contribution)[1]
-    return {
-        "input": format_number(line.value),
-        "u": f"{u} {line.unit}" if given and line.unit != "1" else u,
-        "distribution": line.distribution,
-        "dof": format_degrees_of_freedom(line.degrees_of_freedom) if given else NOTHING,
-        "sensitivity": format_number(line.sensitivity, 3),
-        "contribution": contribution if given else NOTHING,
-    }
-
-
 def _part(part: Part, texts: Texts) -> dict[str, Any]:
     """Return a part of the procedure as the template draws it."""
     if isinstance(part, Plot):
@@ -332,10 +283,6 @@ def verdict_words(decision: Decision) -> str:
     if decision.detail is not None:
         return DETAILS.get(decision.detail, decision.detail)
     return VERDICTS[decision.verdict]
-
-
-def _share(percent: float) -> str:
-    return f"{percent:.1f}" if percent >= 0.05 or percent == 0 else "< 0.1"
 
 
 def _plain(name: str) -> str:

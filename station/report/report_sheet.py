@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from station.parts import Part
 from station.plots import Plot
+from station.report.budgets import budgets_of
 from station.report.context import ReportContext
-from station.report.html import badge_of, budgets_of, flag_title, published_rows, result_rows
+from station.report.html import badge_of, flag_title, published_rows, result_rows
 from station.report.numbers import format_duration
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
@@ -101,18 +102,26 @@ def _part(part: Part, texts: Texts) -> Block:
 
 def _budgets(document: ResultDocument) -> Iterator[Block]:
     for budget in budgets_of(document.results):
+        axes = budget["axes"]
+        of_axes = [f"{axis}: in {budget['unit']}" for axis in axes]
+        each = [text for name in of_axes for text in (name, "%")]
         columns = (
             *("Contribution", "Type", "Standard uncertainty", "Distribution", "Sensitivity"),
-            *(f"In {budget['unit']}", "Share, %", "Source"),
+            *(each if axes[1:] else (f"In {budget['unit']}", "Share, %")),
+            "Source",
         )
-        keys = (
-            *("description", "kind", "u", "distribution", "sensitivity"),
-            *("contribution", "share", "source"),
-        )
-        rows = [[row[key] for key in keys] for row in budget["rows"]]
-        rows.append(["combined", "", "", "", "", budget["total"], "", ""])
-        of_axis = f" of axis {budget['axis']}" if budget["axis"] else ""
-        yield grid(columns, rows, title=f"{budget['name']}{of_axis}")
+        keys = ("description", "kind", "u", "distribution", "sensitivity")
+        rows = []
+        for row in budget["rows"]:
+            numbers = [cell[key] for cell in row["cells"] for key in ("contribution", "share")]
+            rows.append([*(row[key] for key in keys), *numbers, row["source"]])
+        totals = [text for total in budget["totals"] for text in (total, "")]
+        rows.append(["combined", "", "", "", "", *totals, ""])
+        if axes[1:]:
+            title = f"{budget['name']} of axes {' '.join(axes)}"
+        else:
+            title = f"{budget['name']} of axis {axes[0]}" if axes[0] else budget["name"]
+        yield grid(columns, rows, title=title)
 
 
 def _steps(context: ReportContext) -> Iterator[Block]:
