@@ -76,6 +76,7 @@ def test_the_examples_come_out_within_their_tolerance(name: str) -> None:
         assert one["order"] == curve["true_order"]
         assert one["rejected_rows"] == curve["outlier_rows"]
         assert one["value"] == pytest.approx(float(shape(20.0)))
+        assert one["conditions"] == {"temperature": "20 degC"}
         largest = by_key(data, "largest_scale_factor_error", axis)["value"]
         grid = shape(np.linspace(*model["domain"], 2001))
         assert largest == pytest.approx(np.abs(grid).max(), rel=1e-6)
@@ -124,6 +125,7 @@ def test_verification_and_drive_bring_their_results_and_enter_no_fit(tmp_path: P
     for axis in "xyz":
         residual = by_key(data, "residual_scale_factor_error", axis)
         assert residual["value"] < 4.0
+        assert residual["conditions"]["temperature"] == f"{residual['temperature']:.1f} degC"
         assert residual["rms_before"] > 20.0 * residual["rms_after"]
     before = by_key(data, "heading_error_uncompensated", None)
     after = by_key(data, "heading_error_compensated", None)

@@ -23,6 +23,7 @@ def test_the_example_comes_out_within_its_tolerance() -> None:
     truth = json.loads((DATA / "truth.json").read_text(encoding="utf-8"))
     found = {one.name: one for one in findings.estimates}
     assert len(found) == len(truth["expected"]) == 6
+    assert found["scale_factor_repeatability"].extra == {"switch_ons": 2}
     for expected in truth["expected"]:
         one = found[expected["name"]]
         assert one.unit == expected["unit"] and one.axis == expected["axis"]
