@@ -87,7 +87,7 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         results=tuple(result_row(result) for result in measured(document)),
         conventions=tuple(map(convention_row, filter(is_convention, document.results))),
         remarks=(*raised, *left_out(document)),
-        curves=tuple(curve_tables(document)),
+        curves=tuple(curve_tables(document, laboratory)),
         assumptions=(*procedure.assumptions, *ASSUMED),
         decision_rule=RULES[plan.decision_rule],
         verdict=verdict_sentence(document),

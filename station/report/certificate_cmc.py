@@ -28,7 +28,7 @@ def not_below_cmc(
         return document, ()
     results, raised = [], []
     for result in document.results:
-        smallest = _smallest(laboratory, result)
+        smallest = cmc_of(laboratory, result)
         expanded = result.expanded_uncertainty
         if smallest is None or expanded is None or is_convention(result) or expanded >= smallest:
             results.append(result)
@@ -47,8 +47,11 @@ def not_below_cmc(
     return replace(document, results=results, verdict=verdict), (sentence,)
 
 
-def _smallest(laboratory: Laboratory, result: Result) -> float | None:
+def cmc_of(laboratory: Laboratory | None, result: Result) -> float | None:
+    """Return the smallest U of a result that its laboratory may state; None without one."""
     estimate = result.estimate
+    if laboratory is None:
+        return None
     try:
         return laboratory.smallest_expanded(estimate.name, estimate.unit)
     except UnitError as error:

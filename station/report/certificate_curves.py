@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from station.report.certificate_cmc import cmc_of
 from station.report.numbers import format_with_uncertainty, last_place, rounded, typeset
 
 if TYPE_CHECKING:
+    from station.instruments.laboratory import Laboratory
     from station.results import Result, ResultDocument
 
 Table = tuple[str, tuple[str, ...], tuple[tuple[str, ...], ...], str]
@@ -19,8 +21,11 @@ FINER = 2
 """So many more digits than U have the coefficients."""
 
 
-def curve_tables(document: ResultDocument) -> Iterator[Table]:
-    """Yield formula and table of each result that is a Chebyshev curve over temperature."""
+def curve_tables(document: ResultDocument, laboratory: Laboratory | None = None) -> Iterator[Table]:
+    """Yield formula and table of each result that is a Chebyshev curve over temperature.
+
+    No U of a table is below the CMC of its laboratory.
+    """
     curves: dict[str, list[Result]] = {}
     for result in document.results:
         model = result.estimate.extra.get("model")
@@ -30,7 +35,7 @@ def curve_tables(document: ResultDocument) -> Iterator[Table]:
         yield _formulas(name, results)
         known = [result for result in results if result.estimate.extra.get("band")]
         if known:
-            yield _values(name, known)
+            yield _values(name, known, [cmc_of(laboratory, result) or 0.0 for result in known])
 
 
 def _formulas(name: str, results: Sequence[Result]) -> Table:
@@ -73,7 +78,7 @@ def _expanded(result: Result) -> list[float]:
     return band.get("expanded_uncertainty", [])
 
 
-def _values(name: str, results: Sequence[Result]) -> Table:
+def _values(name: str, results: Sequence[Result], smallest: Sequence[float]) -> Table:
     """Return the curves with U at round temperatures that all of them have."""
     unit = results[0].estimate.unit
     low = max(result.estimate.extra["model"]["domain"][0] for result in results)
@@ -84,7 +89,8 @@ def _values(name: str, results: Sequence[Result]) -> Table:
     columns = ["T in degC", *(text for axis in axes for text in (axis, f"U({axis})"))]
     rows = []
     for temperature_degC in (step * n for n in range(first, last + 1)):
-        texts = (text for result in results for text in _at(result, temperature_degC))
+        each = zip(results, smallest, strict=True)
+        texts = (text for result, cmc in each for text in _at(result, temperature_degC, cmc))
         rows.append((typeset(f"{temperature_degC:g}"), *texts))
     caption = (
         f"Values and U in {unit}. U holds at each temperature by itself, for a coverage of 95 %; "
@@ -93,7 +99,7 @@ def _values(name: str, results: Sequence[Result]) -> Table:
     return f"{name} at temperatures", tuple(columns), tuple(rows), caption
 
 
-def _at(result: Result, temperature_degC: float) -> tuple[str, str]:
+def _at(result: Result, temperature_degC: float, cmc: float) -> tuple[str, str]:
     """Return a curve and its U at a temperature, that of the thermometer included."""
     import numpy as np
     from numpy.polynomial import Chebyshev
@@ -110,4 +116,4 @@ def _at(result: Result, temperature_degC: float) -> tuple[str, str]:
         *(line.standard_uncertainty or 0.0 for line in result.budget if line.unit == "degC")
     )
     whole = expanded / standard * math.hypot(standard, by_degC * u_degC) if standard else expanded
-    return format_with_uncertainty(float(curve(temperature_degC)), whole)
+    return format_with_uncertainty(float(curve(temperature_degC)), max(whole, cmc))

@@ -170,3 +170,7 @@ def test_a_curve_has_its_formula_and_a_table_with_u_where_it_is_known() -> None:
     assert table[2][4] == ("20", "8.00", "0.20")
     # At t = -1 the slope is (-5 - 8)/40 per degC.
     assert table[2][0] == ("−20", "17.00", "0.21")
+    _, raised = curve_tables(whole, laboratory({"coil_factor": 0.208}))
+    assert (raised[2][0][2], raised[2][4][2]) == ("0.21", "0.21")
+    _, raised = curve_tables(whole, laboratory({"coil_factor": 0.5}))
+    assert {line[2] for line in raised[2]} == {"0.50"}
