@@ -49,6 +49,7 @@ REASONS = (
     "simulated",
     "uncalibrated",
     "calibration-overdue",
+    "check-standard-alarm",
     "outside-certified-range",
     "calibration-unused",
     "safe-state-unverified",

@@ -18,9 +18,10 @@ from station.report.certificate import (
     ONLY_ITEMS,
     REPRODUCTION,
     certificate_of_run,
-    probability_text,
 )
+from station.report.certificate_cmc import not_below_cmc
 from station.report.certificate_fields import Certificate, messages
+from station.report.certificate_results import measured, probability_text
 from station.report.html import verdict_words
 from station.report.numbers import format_limit, format_with_uncertainty
 from station.report.si_units import si_unit
@@ -57,7 +58,9 @@ def dcc_of_run(folder: RunFolder, document: ResultDocument) -> tuple[bytes, tupl
     from station.recorded import read_plan_and_bench
 
     certificate = certificate_of_run(folder, document)
-    laboratory = read_plan_and_bench(folder)[1].file.laboratory
+    plan, bench = read_plan_and_bench(folder)
+    laboratory = bench.file.laboratory
+    document, _ = not_below_cmc(document, laboratory, plan.decision_rule)
     country = laboratory.country if laboratory else None
     drafts = (*certificate.draft_reasons(), *(() if country else (NO_COUNTRY,)))
     days = [str(folder.run_facts().get(key) or "")[:10] for key in ("started_utc", "ended_utc")]
@@ -186,9 +189,7 @@ def _sentences(certificate: Certificate, document: ResultDocument) -> Iterator[s
     if any(result.limit for result in document.results):
         yield f"Decision rule: {certificate.decision_rule}"
         yield f"Decision: {certificate.verdict}"
-    undetermined = [_name(result) for result in document.results if result.estimate.value is None]
-    if undetermined:
-        yield f"Not determined by these data, and left out: {', '.join(undetermined)}."
+    yield from certificate.remarks
     if certificate.other_instruments:
         yield f"Used, but in no budget of a result: {', '.join(certificate.other_instruments)}."
     for name, digest in certificate.hashes:
@@ -214,8 +215,12 @@ def _measured(parent: ET.Element, certificate: Certificate, document: ResultDocu
             )
             _add(instrument, "model", model)
             _identifications(instrument, [("other", "Calibration certificate", number)])
-    if certificate.ambient:
+    if certificate.room or certificate.ambient:
         conditions = _add(parent, "influenceConditions")
+        for what, value, u, read_on, *_ in certificate.room:
+            condition = _add(conditions, "influenceCondition")
+            _text(condition, "name", f"{what} ({read_on})")
+            _text(_add(condition, "data"), "text", f"{value}, standard uncertainty {u}")
         for source, what, *values, unit in certificate.ambient:
             condition = _add(conditions, "influenceCondition")
             _text(condition, "name", f"{what} ({source})")
@@ -225,9 +230,8 @@ def _measured(parent: ET.Element, certificate: Certificate, document: ResultDocu
                 _text(quantity, "name", word)
                 _real(quantity, float(value), None, unit)
     results = _add(parent, "results")
-    for result in document.results:
-        if result.estimate.value is not None:
-            _result(_add(results, "result"), result)
+    for result in measured(document):
+        _result(_add(results, "result"), result)
     if not len(results):
         nothing = _add(results, "result")
         _text(nothing, "name", certificate.title)
