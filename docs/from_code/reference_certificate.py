@@ -50,8 +50,7 @@ CLAUSES: tuple[tuple[str, str, str | tuple[str, ...]], ...] = (
     (
         "7.8.8",
         "an amended certificate is known as such",
-        "its number, which changes with what it says; name what it replaces in `references` of "
-        "the plan",
+        "`--replaces NUMBER --reason TEXT` of `station report --issue`",
     ),
 )
 """Clause, what it asks for, and the fields that hold it, or where it comes from in words."""

@@ -153,11 +153,13 @@ RUN_FILES = {
     "revisions/NNN/manifest.json": "SHA-256 of all of them",
     "signatures/NNN.json": "a signature: the words that were signed (who, when, the SHA-256 of the "
     "log's line that says so), the signature, the public key",
+    "certificates/NUMBER.pdf": "an issued certificate; its line in the log has number, date, "
+    "device, customer, languages, what it replaces and why, and its SHA-256",
     "exports/RUN.h5": "the raw data as HDF5, made from the record when the run ends",
     "exports/…": "remade reports and exported data; no manifest covers them",
     "run.lock": "held while a run writes into the folder; in no manifest",
     "manifest.json": "SHA-256 of every file but itself, `exports`, `revisions`, `signatures` and "
-    "`run.lock`; made anew for the log when a revision or a signature is added",
+    "`run.lock`; made anew for the log when a revision, a signature or a certificate is added",
 }
 
 RUN_EVENTS = {

@@ -64,7 +64,7 @@ def list_(
     ] = 1,
     json: Json = False,
 ) -> None:
-    """List procedures, plans, benches, drivers, runs."""
+    """List procedures, plans, benches, drivers, runs, certificates."""
     from station.cli.looking import list_what_there_is
 
     of_runs = search or page > 1 or store != "runs"

@@ -17,6 +17,7 @@ from station.errors import InputError
 from station.files.lookup import BENCHES, PLANS, available
 from station.history.place import DATABASE
 from station.procedure import procedure_of
+from station.record.certificates import KEPT, register
 from station.record.events import whole_bench
 from station.record.run_list import newest_runs
 from station.record.run_names import RUNS
@@ -81,12 +82,14 @@ def entries(
             for name in registry.names(registry.DRIVERS)
         ]
     wanted = search, RUNS_ON_A_PAGE + 1, RUNS_ON_A_PAGE * (page - 1)
-    if DATABASE.match(store):
+    if DATABASE.match(store) and kind == "runs":
         return [listed_run(run) for run in runs_taken_in(store, *wanted)]
     if store != str(RUNS) and not Path(store).is_dir():
         raise InputError(
             f"there is no folder {store}; name one with run folders, or the URL of a history"
         )
+    if kind == "certificates":
+        return [listed_certificate(issue) for issue in register(Path(store))]
     return [listed_run(run) for run in newest_runs(Path(store), *wanted)]
 
 
@@ -123,6 +126,18 @@ def listed_run(entry: Mapping[str, Any]) -> dict[str, Any]:
     stands = f"verdict {verdict}" if verdict and not entry["running"] else entry["state"]
     parts = (stands, entry["started"][:16].replace("T", " "), entry["operator"])
     return {"name": entry["run"], "about": "  ".join(filter(None, parts)), **entry}
+
+
+def listed_certificate(issue: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is listed of a certificate: when, of what, for whom, and what replaces what."""
+    links = (
+        ("replaces", issue["replaces"]),
+        ("replaced by", issue["replaced_by"]),
+    )
+    joined = (f"{words} {text}" for words, text in links if text)
+    wrong = "" if issue["state"] == KEPT else f"PDF {issue['state'].upper()}"
+    parts = (issue["date"], issue["device"], issue["customer"], *joined, wrong)
+    return {"name": issue["number"], "about": "  ".join(filter(None, parts)), **issue}
 
 
 MAX_UNITS = 6

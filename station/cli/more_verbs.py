@@ -102,11 +102,25 @@ def report(
         Path | None,
         typer.Option("--schema", metavar="XSD", help="Schema that a dcc is held against."),
     ] = None,
+    issue: Annotated[
+        bool, typer.Option("--issue", help="Give a certificate its number, and keep its PDF.")
+    ] = False,
+    replaces: Annotated[
+        str, typer.Option(metavar="NUMBER", help="The certificate that this one replaces.")
+    ] = "",
+    reason: Annotated[
+        str, typer.Option(metavar="TEXT", help="Why; it stands on the certificate.")
+    ] = "",
 ) -> None:
     """Make the report or certificate of a run, into its exports."""
-    from station.cli.reporting import remake_report
+    from station.cli.reporting import issue_certificate, remake_report
 
-    remake_report(folder, format.value, kind.value, paper.value, letterhead, lang, schema)
+    if issue:
+        issue_certificate(folder, kind.value, paper.value, letterhead, lang, replaces, reason)
+    elif replaces or reason:
+        raise typer.BadParameter("--replaces and --reason go with --issue")
+    else:
+        remake_report(folder, format.value, kind.value, paper.value, letterhead, lang, schema)
 
 
 def history(
@@ -173,7 +187,10 @@ def verify(
     ] = None,
     head: Annotated[
         str | None,
-        typer.Option(metavar="TEXT", help="A head that the run had; lists what came after."),
+        typer.Option(
+            metavar="TEXT",
+            help="A head that the run had, or the text of its QR code; lists what came after.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:

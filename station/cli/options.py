@@ -160,6 +160,7 @@ class Kind(StrEnum):
     BENCHES = "benches"
     DRIVERS = "drivers"
     RUNS = "runs"
+    CERTIFICATES = "certificates"
 
 
 class NewKind(StrEnum):

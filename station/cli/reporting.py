@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.cli.analysing import name_unused, new_revision
 from station.console import tell
 from station.errors import InputError
+from station.record.certificates import Issue, in_force, issues_of, keep, kept_pdf, refuse_second
 from station.record.files import A_COPY, replaced
-from station.record.folder import EXPORTS, REPORT, RunFolder, read_run
+from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
+from station.record.layout import file_hash
+from station.recorded import read_plan_and_bench
 from station.report.revision import Revision, newest_revision
 from station.runner.evaluation import evaluate_run
 from station.speech import HERE
@@ -22,6 +27,9 @@ if TYPE_CHECKING:
 FOR_PEOPLE = ("html", "pdf")
 HEADED = (("report", "pdf"), ("certificate", "pdf"), ("certificate", "html"))
 """What has a letterhead."""
+NOT_ISSUED = (
+    "This is a preview: `station report RUN --kind certificate --issue` issues the certificate."
+)
 FILES = {
     ("report", "html"): REPORT,
     ("report", "pdf"): "report.pdf",
@@ -63,12 +71,21 @@ def remake_report(
     file = path / EXPORTS / name
     with replaced(file, A_COPY, parents=True) as part:
         if format == "dcc":
-            part.write_bytes(digital_certificate(folder, schema))
+            made = digital_certificate(folder, schema)
+        elif kind == "certificate":
+            same = language is None or texts.languages == languages_in_force(folder)
+            made = certificate(folder, format, paper, letterhead, texts, as_issued=same)
         else:
-            make = certificate if kind == "certificate" else report
-            part.write_bytes(make(folder, format, paper, letterhead, texts))
+            made = report(folder, format, paper, letterhead, texts)
+        part.write_bytes(made)
         name_unused(folder)
     print(file)
+
+
+def languages_in_force(folder: RunFolder) -> tuple[str, ...]:
+    """Return the languages of the certificate in force; none where there is none."""
+    current = in_force(issues_of(folder.events))
+    return () if current is None else current.languages
 
 
 def revision_of(folder: RunFolder, *, drawn: bool) -> Revision:
@@ -99,13 +116,36 @@ def texts_of(language: str | None, format: str) -> Texts:
 
 
 def certificate(
-    folder: RunFolder, format: str, paper: str, letterhead: Path | None, texts: Texts
+    folder: RunFolder,
+    format: str,
+    paper: str,
+    letterhead: Path | None,
+    texts: Texts,
+    *,
+    as_issued: bool = True,
 ) -> bytes:
-    """Return the certificate of a run as html or pdf; say why where it is a draft."""
+    """Return the certificate of a run as html or pdf; say why where it is a draft.
+
+    The one in force is the PDF that was issued, as long as its results are the newest; what is in
+    another form, for which `as_issued` is not set, is no certificate, and a draft.
+    """
     from station.report.certificate import certificate_of_run, sheet_of
 
-    document = revision_of(folder, drawn=False).document
-    sheet = sheet_of(certificate_of_run(folder, document))
+    revision = revision_of(folder, drawn=False)
+    current = in_force(issues_of(folder.events))
+    if current is None:
+        unissued = NOT_ISSUED
+    elif current.results != file_hash(revision.path / RESULTS):
+        unissued = (
+            f"This is a preview: issued is certificate {current.number}, of other results; "
+            "`--issue --replaces NUMBER --reason TEXT` issues an amended one."
+        )
+    elif format == "pdf" and as_issued and letterhead is None:
+        return kept_pdf(folder.path, folder.events, current)
+    else:
+        unissued = f"This is a copy in another form: issued is certificate {current.number}."
+    sheet = sheet_of(certificate_of_run(folder, revision.document))
+    sheet = replace(sheet, drafts=(*sheet.drafts, unissued))
     for reason in sheet.drafts:
         tell(f"draft: {reason}")
     sheet = sheet.translated(texts)
@@ -127,6 +167,73 @@ def digital_certificate(folder: RunFolder, schema: Path | None) -> bytes:
     if schema is not None:
         refuse_invalid(xml, schema)
     return xml
+
+
+def issue_certificate(
+    path: Path,
+    kind: str,
+    paper: str,
+    letterhead: Path | None,
+    language: str | None,
+    replaces: str,
+    reason: str,
+) -> None:
+    """Issue the certificate of a run: its number is given once, its PDF kept in the run folder.
+
+    Prints its path. Raises InputError for a draft, a folder that is not as its run left it, a
+    second certificate that replaces none, one that says nothing new, and a reason that is missing.
+    """
+    if kind != "certificate":
+        raise InputError(f"a {kind} is not issued; choose --kind certificate")
+    if bool(replaces) != bool(reason.strip()) or not reason.isprintable():
+        raise InputError(
+            "an amended certificate names the one that it replaces, and says in a line why: give "
+            "--replaces NUMBER and --reason TEXT"
+        )
+    texts = texts_of(language, "pdf")
+    folder = read_run(path)
+    if folder.damage.state != "unchanged":
+        raise InputError(f"{path.name}: no certificate is issued: {folder.damage.sentence()}")
+    issues = issues_of(folder.events)
+    refuse_second(issues, replaces)
+    from station.report.certificate import amendment_of, certificate_of_run, content_of, sheet_of
+
+    revision = revision_of(folder, drawn=False)
+    amendment = amendment_of(replaces, issues[replaces].date, reason.strip()) if replaces else ()
+    made = certificate_of_run(folder, revision.document, amendment)
+    if drafts := made.draft_reasons():
+        for sentence in drafts:
+            tell(f"draft: {sentence}")
+        raise InputError(f"{path.name}: no certificate is issued of a draft")
+    content = content_of(made) + f" {paper} {texts.languages} {letterhead_hash(letterhead)}"
+    plan = read_plan_and_bench(folder)[0]
+    issue = Issue(
+        number=made.number,
+        date=made.issued,
+        device=f"{plan.dut.model} {plan.dut.serial}",
+        customer=made.customer,
+        languages=texts.languages,
+        content=hashlib.sha256(content.encode()).hexdigest(),
+        results=file_hash(revision.path / RESULTS),
+        replaces=replaces,
+        reason=reason.strip(),
+    )
+    same = next((known.number for known in issues.values() if known.content == issue.content), None)
+    if same is not None:
+        raise InputError(f"certificate {same} says the same; nothing is issued")
+    head = keep(path, issue, pdf_of(sheet_of(made).translated(texts), paper, letterhead))
+    tell(f"certificate {issue.number} is issued; the head of the log is now {head}")
+    name_unused(folder)
+    print(path / issue.file)
+
+
+def letterhead_hash(letterhead: Path | None) -> str:
+    """Return a SHA-256 of the files of a letterhead; nothing where there is none."""
+    if letterhead is None or not letterhead.is_dir():
+        return ""
+    files = sorted(file for file in letterhead.iterdir() if file.is_file())
+    listed = "\n".join(f"{file.name} {file_hash(file)}" for file in files)
+    return hashlib.sha256(listed.encode()).hexdigest()
 
 
 def report(

@@ -195,9 +195,10 @@ def against_keys(state: FolderState, trusted: Trusted | None) -> Iterator[str]:
 def since_head(state: FolderState, head: str) -> tuple[Event, ...] | None:
     """Return the events since a head of the chain; None where the log never had it.
 
-    A head is the SHA-256 of a line of the log, or its first digits; or that of a manifest.
+    A head is the SHA-256 of a line of the log, or its first digits; or that of a manifest; or the
+    text of the QR code on a report or certificate, which ends with it.
     """
-    head = head.strip().lower()
+    head = (head.split() or [""])[-1].lower()
     if len(head) < SHOWN:
         raise InputError(f"--head {head}: give {SHOWN} digits of the head, or all 64")
     fitting = {line for line in state.heads if line.startswith(head)}

@@ -88,6 +88,17 @@ class EventLog:
         self._file.close()
 
 
+def head_of(folder: Path, *, own: bool = False) -> str:
+    """Return the head of a run's chain: the SHA-256 of the last whole line of its log.
+
+    `own`: of the last line of the run itself, before what was done with the folder afterwards.
+    """
+    lines = (folder / EVENTS).read_bytes().split(b"\n")[:-1]
+    while own and lines and json.loads(lines[-1])["event"] in RECORDED_LATER:
+        lines.pop()
+    return hashlib.sha256(lines[-1]).hexdigest() if lines else ""
+
+
 def read_events(path: Path) -> Iterator[Event]:
     """Yield the events of a log; a last line cut short by a crash is left out.
 
@@ -238,7 +249,9 @@ def recorded_in_words(event: Event) -> str:
     if event.kind == SIGNED:
         return f"signed by {details.get('signer')}{at}, key {details.get('key')}"
     if event.kind == ISSUED:
-        return f"certificate {details.get('number')} was issued{at}"
+        replaced = details.get("replaces")
+        instead = f" and replaces {replaced}: {details.get('reason')}" if replaced else ""
+        return f"certificate {details.get('number')} was issued{at}{instead}"
     return event.kind
 
 

@@ -36,6 +36,7 @@ from station.record.files import is_own_file
 from station.record.later import OWN_REVISION, named_revisions, revisions_of
 from station.record.layout import (
     BENCH,
+    CERTIFICATES,
     EVENTS,
     GUARDIAN_LOG,
     LOCK,
@@ -48,6 +49,8 @@ from station.record.layout import (
     SIGNATURES,
     covered_files,
     file_hash,
+    is_draft,
+    issued_file,
     manifest_text,
 )
 from station.record.raw_damage import (
@@ -364,6 +367,8 @@ def _added_files(path: Path, known: Mapping[str, str]) -> Iterator[str]:
         name = file.relative_to(path).as_posix()
         if name.partition("/")[0] in NOT_COVERED or name == MANIFEST or file.is_dir():
             continue
+        if is_draft(name):
+            continue
         if file.is_symlink():
             yield f"{file} is a link: the run makes none"
         elif not file.is_file():
@@ -479,7 +484,7 @@ def _altered_revisions(folder: OpenedRecord, *, whole: bool) -> Iterator[str]:
     """Yield each revision that is missing or was added, and each of its files that was changed."""
     revisions, named = folder.path / REVISIONS, named_revisions(folder.events)
     there = revisions_of(folder.path)
-    for folder_of in (revisions, folder.path / SIGNATURES):
+    for folder_of in (revisions, folder.path / SIGNATURES, folder.path / CERTIFICATES):
         if folder_of.is_symlink():
             yield f"{folder_of} is a link: the run makes none"
     for number in named:
@@ -526,7 +531,7 @@ def _missing_signatures(folder: OpenedRecord) -> Iterator[str]:
 
 def differs(path: Path, name: str, digest: str, witness: str = MANIFEST) -> str | None:
     """Return what is wrong with a file of which a witness, manifest or log, has the SHA-256."""
-    now = _file_hash(path / name)
+    now = _file_hash(issued_file(path, name))
     if now == digest:
         return None
     if not now:

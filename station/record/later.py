@@ -20,6 +20,7 @@ from station.files.locks import FileLock, LockHeld, remove_if_free
 from station.record.events import RESUMED, REVISED, Event, EventLog, read_events
 from station.record.files import is_own_file, sync_folder
 from station.record.layout import (
+    DRAFT,
     EVENTS,
     GUARDIAN_LOG,
     MANIFEST,
@@ -32,8 +33,6 @@ from station.record.layout import (
 )
 
 OWN_REVISION = "000"
-DRAFT = ".new-"
-"""How the folder of a revision is named until the revision is whole; a draft is no revision."""
 GROWS_STILL = (EVENTS, GUARDIAN_LOG)
 """What the log holds no SHA-256 of: both have chains of their own, and a guardian may go on."""
 
@@ -47,10 +46,14 @@ def record_later(
     kind: str,
     details: Mapping[str, Any],
     before: Callable[[str], None] = lambda head: None,
+    *,
+    added: Mapping[str, str] | None = None,
+    after: Callable[[], object] = lambda: None,
 ) -> str:
     """Append what was done with a folder to its log, renew its manifest; return the chain's head.
 
-    `before` is called with that head right before it is appended. Raises NotRecorded where the run
+    `before` is called with that head right before it is appended, `after` once it is. `added` are
+    the SHA-256 of files that log and manifest name from then on. Raises NotRecorded where the run
     goes on, or the folder takes no writes.
     """
     with _locked(folder):
@@ -64,7 +67,7 @@ def record_later(
                 **details,
                 "utc": now.isoformat(timespec="seconds"),
                 "silent_s": round(max(now.timestamp() - written_s, 0.0), 3),
-                "files": _hashes_to_log(folder),
+                "files": {**_hashes_to_log(folder), **(added or {})},
                 "revisions": {**revision_hashes(folder), **details.get("revisions", {})},
             }
             head = log.head_with(log.last_s, kind, whole)
@@ -72,7 +75,8 @@ def record_later(
             log.append(log.last_s, kind, whole, durable=True)
         finally:
             log.close()
-        _renew_manifest(folder)
+        after()
+        _renew_manifest(folder, added or {})
     return head
 
 
@@ -226,10 +230,10 @@ def _hashes_to_log(folder: Path) -> dict[str, str]:
     return {name: digest for name, digest in covered.items() if name not in GROWS_STILL}
 
 
-def _renew_manifest(folder: Path) -> None:
-    """Let the manifest, where the run left one, name the log as it is now, and change no more."""
+def _renew_manifest(folder: Path, added: Mapping[str, str]) -> None:
+    """Let the manifest, where the run left one, name the log as it is now, and what was added."""
     if (folder / MANIFEST).is_file():
-        files = {**covered_files(folder), EVENTS: file_hash(folder / EVENTS)}
+        files = {**covered_files(folder), **added, EVENTS: file_hash(folder / EVENTS)}
         write_manifest(folder, files)
 
 

@@ -114,6 +114,9 @@ def next_segment(raw: Path) -> int:
 MANIFEST = "manifest.json"
 LOCK = "run.lock"
 SIGNATURES = "signatures"
+CERTIFICATES = "certificates"
+DRAFT = ".new-"
+"""How the name begins of what is not whole yet: a revision, a certificate. It is neither."""
 NOT_COVERED = ("exports", "revisions", SIGNATURES, LOCK)
 """Remade reports are no evidence; each revision has a manifest of its own; the lock is empty."""
 
@@ -153,7 +156,20 @@ def hashes_of_files(folder: Path) -> dict[str, str]:
         if path.is_file()
         and path.name != MANIFEST
         and path.relative_to(folder).parts[0] not in NOT_COVERED
+        and not is_draft(path.relative_to(folder).as_posix())
     }
+
+
+def is_draft(name: str) -> bool:
+    """Whether a file of a run folder is a certificate that was not issued to its end."""
+    return name.startswith(f"{CERTIFICATES}/{DRAFT}")
+
+
+def issued_file(folder: Path, name: str) -> Path:
+    """Return where a file of a run folder is, a certificate also where its issue was killed."""
+    file = folder / name
+    draft = file.with_name(f"{DRAFT}{file.name}")
+    return draft if name.startswith(f"{CERTIFICATES}/") and not file.exists() else file
 
 
 def write_manifest(folder: Path, files: Mapping[str, str] | None = None) -> None:

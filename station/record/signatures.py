@@ -25,7 +25,14 @@ from typing import TYPE_CHECKING, Any
 
 from station.errors import InputError, RecordError
 from station.files.locks import is_held
-from station.record.events import RECORDED_LATER, RESUMED, SIGNED, Event, recorded_in_words
+from station.record.events import (
+    ISSUED,
+    RECORDED_LATER,
+    RESUMED,
+    SIGNED,
+    Event,
+    recorded_in_words,
+)
 from station.record.files import A_COPY, is_own_file, not_written, write_whole_file
 from station.record.later import record_later
 from station.record.layout import EVENTS, LOCK, MANIFEST, SIGNATURES, covered_files, manifest_text
@@ -240,7 +247,7 @@ class States:
     """The states that a run folder was in, by what stood for each: a line of its log, a manifest.
 
     What was done with a folder once its run had ended changes no file that its manifest covers but
-    the log, so that each manifest of before can be made again.
+    the log, and adds certificates, so that each manifest of before can be made again.
     """
 
     def __init__(self, folder: Path, events: Sequence[Event], heads: Sequence[str]) -> None:
@@ -267,7 +274,9 @@ class States:
             digest.update(line)
             later = self._events[count:]
             if EVENTS in files and all(event.kind in RECORDED_LATER for event in later):
-                text = manifest_text({**files, EVENTS: digest.hexdigest()})
+                since = {event.details.get("file") for event in later if event.kind == ISSUED}
+                of_then = {name: sha for name, sha in files.items() if name not in since}
+                text = manifest_text({**of_then, EVENTS: digest.hexdigest()})
                 lines[hashlib.sha256(text.encode()).hexdigest()] = count
         return lines
 

@@ -13,8 +13,9 @@ from station.files.plan import Plan
 from station.findings import NOT_STATED
 from station.instruments.bench import Bench
 from station.procedure import Procedure, procedure_of
+from station.record.events import head_of
 from station.record.folder import RunFolder
-from station.record.layout import EVENTS, MANIFEST, RAW, covered_files, file_hash
+from station.record.layout import RAW, covered_files
 from station.record.series import RunSeries
 from station.recorded import read_plan_and_bench
 from station.report.certificate_cmc import not_below_cmc
@@ -32,6 +33,7 @@ from station.report.certificate_results import (
 from station.report.html import BADGES, RULES
 from station.report.numbers import NOTHING
 from station.report.run_report import instrument_rows, time_of_day, version_rows
+from station.report.seal import seal
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
 from station.units import UnitError, parse_as
@@ -46,7 +48,9 @@ REPRODUCTION = (
 ONLY_ITEMS = "The results relate only to the item that is identified above, as it was received."
 
 
-def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certificate:
+def certificate_of_run(
+    folder: RunFolder, document: ResultDocument, amendment: tuple[str, ...] = ()
+) -> Certificate:
     """Return the certificate of a run; its number follows from what it says.
 
     The same content has the same number on whatever day it is issued, an amended one another.
@@ -101,14 +105,35 @@ def certificate_of_run(folder: RunFolder, document: ResultDocument) -> Certifica
         hashes=tuple(hash_rows(folder)),
         versions=tuple(version_rows(facts)),
         complete=folder.state.measured,
+        run=folder.path.resolve().name,
+        head=head_of(folder.path),
+        amendment=amendment,
     )
     return replace(certificate, number=f"{certificate.number}-{digest_of(certificate)}")
 
 
 def digest_of(certificate: Certificate) -> str:
     """Return eight hexadecimal digits that change with what a certificate says, its date aside."""
-    content = {**vars(replace(certificate, issued="")), "flags": messages(certificate.flags)}
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:8]
+    content = json.dumps([content_of(certificate), certificate.number, certificate.amendment])
+    return hashlib.sha256(content.encode()).hexdigest()[:8]
+
+
+def content_of(certificate: Certificate) -> str:
+    """Return a SHA-256 of what a certificate says, its number, date and amendment aside.
+
+    Nor does it change by what is done with the folder after its run.
+    """
+    bare = replace(certificate, number="", issued="", run="", head="", amendment=())
+    content = {**vars(bare), "flags": messages(certificate.flags)}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def amendment_of(number: str, date: str, reason: str) -> tuple[str, ...]:
+    """Return in sentences which certificate another one replaces (ISO/IEC 17025:2017, 7.8.8)."""
+    return (
+        f"This certificate replaces certificate {number}, issued on {date}, which is withdrawn.",
+        f"Reason of the amendment: {reason}",
+    )
 
 
 def device_rows(plan: Plan) -> Iterator[tuple[str, str]]:
@@ -205,12 +230,9 @@ def unstated_inputs(document: ResultDocument) -> Iterator[tuple[str, str]]:
 
 
 def hash_rows(folder: RunFolder) -> Iterator[tuple[str, str]]:
-    """Yield the SHA-256 of the manifest, the log and each raw file, as the manifest has them."""
-    path = folder.path
-    if (path / MANIFEST).is_file():
-        yield MANIFEST, file_hash(path / MANIFEST)
-    for name, digest in sorted(covered_files(path).items()):
-        if name == EVENTS or name.startswith(f"{RAW}/"):
+    """Yield the SHA-256 of each raw file, as the manifest has it."""
+    for name, digest in sorted(covered_files(folder.path).items()):
+        if name.startswith(f"{RAW}/"):
             yield name, digest
 
 
@@ -248,6 +270,8 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
         ("Location", certificate.location),
         ("Operator", certificate.operator),
     )
+    if certificate.amendment:
+        yield Section("Amendment", (sentences(certificate.amendment),))
     yield Section("Customer and device", (pairs(head),))
     method = (
         ("Method", certificate.method),
@@ -271,6 +295,8 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
     yield Section("Traceability", tuple(traceability_blocks(certificate)))
     hashes = grid(("File of the run", "SHA-256"), certificate.hashes)
     yield Section("Raw data and software", (hashes, pairs(certificate.versions)))
+    if certificate.head:
+        yield Section("Seal", (seal(certificate.run, certificate.head),))
     yield Section("Statements", (sentences((ONLY_ITEMS, REPRODUCTION)),))
     signed = tuple((f"{name}, {function}", "") for name, function in certificate.signatories)
     yield Section("Authorised by", (Block("signatures", rows=signed or (("", ""),)),))

@@ -68,7 +68,8 @@ class Certificate:
     certificate, date, due, who calibrated it. `unstated` has what results depend on and nobody
     states, and those results. `results` has name, axis, value, U, k, unit, limit, verdict and
     probability of conformity; `conventions` those that were set and not measured, and `remarks`
-    says in sentences which the data do not determine, and whose U is the CMC.
+    says in sentences which the data do not determine, and whose U is the CMC. `head` is that of the
+    log when it was made; `amendment` says which certificate it replaces, and why.
     """
 
     title: str
@@ -109,6 +110,9 @@ class Certificate:
     hashes: tuple[Row, ...]
     versions: tuple[Row, ...]
     complete: bool
+    run: str = ""
+    head: str = ""
+    amendment: tuple[str, ...] = ()
 
     def draft_reasons(self) -> tuple[str, ...]:
         """Return in sentences why this is no certificate yet; none where it may be issued."""

@@ -62,7 +62,7 @@ class ReportContext:
     `source` names the publication that the procedure follows. `started_utc` and `ended_utc` are
     texts as they are to be read. `simulation` says in sentences what was simulated. `assumptions`
     are the procedure's own sentences on what its numbers do not say. `reproduce` is the command
-    that makes the results again from the raw data.
+    that makes the results again from the raw data. `head` is that of the log of the `run`.
     """
 
     title: str
@@ -88,3 +88,6 @@ class ReportContext:
     reproduce: str | None = None
     notes: Sequence[str] = ()
     references: Sequence[Row] = ()
+    run: str = ""
+    head: str = ""
+    laboratory: str = ""

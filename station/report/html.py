@@ -29,6 +29,7 @@ from station.report.numbers import (
     is_numeric_column,
     typeset,
 )
+from station.report.seal import seal
 from station.report.typesetting import with_signs
 from station.results import LIMIT_WITHOUT_RESULT, Result, ResultDocument
 from station.texts import FLAGS, IN_ENGLISH, Texts, catalogue, tag, translator
@@ -80,6 +81,7 @@ def render_html(
             flags=document.flags,
             parts=[_part(part, texts) for part in parts],
             budgets=budgets_of(document.results),
+            seal=seal(context.run, context.head) if context.head else None,
         )
     )
 
@@ -114,7 +116,13 @@ def environment(texts: Texts = IN_ENGLISH) -> Environment:
     environment.filters["methods"] = lambda methods: _lines(methods_in_words(methods, texts))
     environment.filters["duration"] = format_duration
     environment.filters["moment"] = _moment
+    environment.filters["png"] = data_uri
     return environment
+
+
+def data_uri(png: bytes) -> str:
+    """Return a picture as it stands in a page."""
+    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
 
 
 def _lines(text: str) -> Markup:
@@ -245,12 +253,11 @@ def _part(part: Part, texts: Texts) -> dict[str, Any]:
         png = png_of(part, texts)
         # Width and height stand in the first chunk (PNG specification, 11.2.2).
         width, height = (int.from_bytes(png[at : at + 4], "big") for at in (16, 20))
-        image = base64.b64encode(png).decode("ascii")
         return {
             "kind": "plot",
             "title": part.title,
             "caption": part.caption,
-            "image": f"data:image/png;base64,{image}",
+            "image": data_uri(png),
             "width": round(width * CSS_DPI / DPI),
             "height": round(height * CSS_DPI / DPI),
         }

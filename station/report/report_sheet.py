@@ -10,6 +10,7 @@ from station.report.budgets import budgets_of
 from station.report.context import ReportContext
 from station.report.html import badge_of, flag_title, published_rows, result_rows
 from station.report.numbers import format_duration
+from station.report.seal import seal
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
 from station.texts import IN_ENGLISH, Texts
@@ -27,7 +28,7 @@ def report_sheet(
         kind="Measurement report",
         title=context.title,
         number=number,
-        laboratory=context.bench_name or "",
+        laboratory=context.laboratory or context.bench_name or "",
         address=f"Source: {context.source}" if context.source else "",
         accreditation="",
         sections=tuple(
@@ -47,6 +48,7 @@ def _sections(
         ("Ended (UTC)", context.ended_utc or ""),
         ("Operator", context.operator or ""),
         ("Test plan", context.plan_name or ""),
+        ("Bench", context.bench_name or ""),
         *context.references,
         ("Verdict", f"{badge['words']}. {badge['why']}"),
     )
@@ -68,6 +70,7 @@ def _sections(
     yield Section("Safe state at the end", tuple(_safe_state(context)))
     yield Section("What this report does not say", _list(context.assumptions))
     yield Section("Notes", _list(context.notes))
+    yield Section("Seal", (seal(context.run, context.head),) if context.head else ())
     again = (("Results again", context.reproduce or ""), *context.versions)
     yield Section("Versions", (pairs(again),))
 

@@ -9,7 +9,7 @@ from station.fields import to_yaml_data
 from station.instruments.bench import Bench
 from station.parts import Part
 from station.procedure import procedure_of
-from station.record.events import LEFT_FOR_THE_END, Event
+from station.record.events import LEFT_FOR_THE_END, Event, head_of
 from station.record.folder import RunFolder
 from station.record.layout import versions
 from station.recorded import left_unverified, read_plan_and_bench
@@ -81,6 +81,9 @@ def context_of_run(folder: RunFolder) -> ReportContext:
         reproduce=f"station analyse {folder.path.name} --compare",
         notes=tuple(notes_of(bench)),
         references=tuple(plan.header.references.items()),
+        run=folder.path.resolve().name,
+        head=head_of(folder.path, own=True),
+        laboratory=bench.file.laboratory.name if bench.file.laboratory else "",
     )
 
 
