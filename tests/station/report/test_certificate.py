@@ -26,6 +26,7 @@ from station.report.sheet import Section, Sheet, grid, pairs
 from station.report.sheet_html import render_sheet
 from station.results import ResultDocument
 from station.runner.evaluation import evaluate_run
+from station.texts import Texts
 
 
 @pytest.fixture(scope="module")
@@ -232,6 +233,25 @@ def test_a_long_table_repeats_its_head_and_no_column_is_cut() -> None:
     assert all(plain(cell) in whole for cell in (rows[0][-1], rows[-1][-1]))
     with_rows = [page for page in pages if "-abc" in page]
     assert all("column" in page for page in with_rows)
+
+
+def test_a_long_word_breaks_before_the_next_column_begins() -> None:
+    words = ("signal_generator.z_gradient", "A.02.14-02.40-02.14-00.49-02-01", "SIM-34465A-0001")
+    table = grid(["Name", "Firmware", "Certificate"] * 3, [words * 3])
+    threshold = "thresholds.field_differs_from_commanded"
+    rows = pairs(((threshold, "0.01"), (90 * "x", "VALUE")))
+    sheet = Sheet("Report", "T", "N", "", "", "", (Section("Table", (table, rows)),))
+    (page,) = PdfReader(io.BytesIO(render_pdf(sheet))).pages
+    text = page.extract_text()
+    assert "differs_\nfrom" in text or "differs_from_\ncommanded" in text
+    for word in (*words[:2], 90 * "x"):
+        assert word not in text and word in plain(text), "on more than one line"
+
+
+def test_two_languages_share_the_line_at_the_foot() -> None:
+    sheet = Sheet("Report", "T", "N", "", "", "", (Section("S", (pairs((("a", "b"),)),)),))
+    (text,) = texts_of(render_pdf(sheet.translated(Texts("zh+en"))))
+    assert plain("第 1 页，共 1 页 / Page 1 of 1") in plain(text)
 
 
 def test_the_page_in_html_stamps_a_draft_and_shows_the_same_fields(
