@@ -85,6 +85,15 @@ STYLE: dict[str, Any] = {
 POWER = re.compile(r"\^\{(-?\d+)\}")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MAPS = {"difference": "RdBu_r", "angle": "hsv"}
+MARKERS = {"vermilion": "s", "green": "D", "orange": "P", "purple": "X", "sky": "*"}
+DASHES: dict[str, Any] = {
+    "vermilion": (0, (6, 1.5)),
+    "green": (0, (2, 1)),
+    "orange": (0, (6, 1.5, 1, 1.5)),
+    "purple": (0, (1, 1)),
+    "sky": (0, (10, 2)),
+}
+"""What tells a colour on a grey print: of round markers, and of whole lines in a legend."""
 LEGENDS: dict[str, dict[str, Any]] = {
     "above": {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)},
     "above right": {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)},
@@ -218,10 +227,11 @@ def _draw(axes: Any, item: Item, panel: Panel, order: float, texts: Translate) -
     """Draw an item, and return what stands for it in the legend."""
     colour = _colour(getattr(item, "colour", INK), panel.scale)
     if isinstance(item, Line):
+        named = item.label and item.dashes == "-" and str(item.colour)
         return axes.plot(
             item.x,
             item.y,
-            item.dashes,
+            linestyle=DASHES.get(named or "", item.dashes),
             color=colour,
             linewidth=item.width,
             alpha=item.opacity,
@@ -302,9 +312,12 @@ def _points(axes: Axes, item: Points, colour: Any, scale: Scale | None, order: f
             linewidths=0.3,
             zorder=order,
         )
+    marker, size = item.marker, item.size
+    if marker in (".", "o") and not item.fill and item.colour in MARKERS:
+        marker, size = MARKERS[str(item.colour)], size / 2.0 if marker == "." else size
     look = {
-        "marker": item.marker or "none",
-        "markersize": item.size,
+        "marker": marker or "none",
+        "markersize": size,
         "color": colour,
         "linestyle": "-" if item.joined else "none",
         "linewidth": item.joined,

@@ -70,6 +70,15 @@ def test_an_item_is_written_read_and_drawn(item: Item) -> None:
     assert png_of(read) == png_of(plot_of(data)), "the same plot gives the same bytes"
 
 
+def test_colours_are_distinguished_on_a_grey_print() -> None:
+    colours = ("blue", "vermilion", "green", "orange", "purple", "sky")
+    lines = [Line(X, X, colour=colour, label=colour) for colour in colours]
+    points = [Points(X, X, colour=colour, marker=".", label=colour) for colour in colours]
+    drawn = figure_of(a_plot(*lines, *points)).axes[0].lines
+    looks = {(repr(line._dash_pattern), line.get_marker()) for line in drawn}  # type: ignore[attr-defined]
+    assert len(looks) == len(drawn) == 12
+
+
 def test_a_whole_plot_with_its_panels_and_axes_is_read_as_it_was_written() -> None:
     odd = Axis("x", low=3.0, high=-3.0, ticks=[0.0, 1.0], texts=("a", "b"), turned=True, grid=False)
     panels = (
