@@ -124,7 +124,7 @@ def listed(results: Iterable[Result]) -> str:
     axes: dict[str, list[str]] = {}
     for result in results:
         axes.setdefault(name_of(result), []).extend(filter(None, [result.estimate.axis]))
-    return ", ".join(
+    return "; ".join(
         f"{name} of axes {' '.join(named)}" if named[1:] else f"{name} of axis {named[0]}"
         if named else name
         for name, named in axes.items()

@@ -38,7 +38,7 @@ def test_the_report_prints_combination_and_temperature() -> None:
     results = report_of_dataset(raw, document, ()).split('id="results"')[1]
     results = results.split("</section>")[0]
     for combination in ("K0 + Kpp", "Kii − Kpp", "Koo − Kpp"):
-        assert re.search(rf"<td>{re.escape(combination)} at [\d.]+ degC</td>", results)
+        assert re.search(rf"<td>{re.escape(combination)} at [\d.]+ °C</td>", results)
     assert "<td>K0 at" not in results
 
 

@@ -189,7 +189,7 @@ def test_g_is_converted_and_what_is_not_determined_is_left_out_by_a_sentence(run
     assert "".join(real.itertext()).split() == [
         *("0.2039", r"\volt\metre\tothe{-1}\second\tothe{2}", "0.0010", "2.00", "0.95")
     ]
-    left_out = "Not determined by these data, and left out: magnetic sensitivity LA."
+    left_out = "Not determined by these data, and so not stated: magnetic sensitivity of axis LA."
     assert left_out in texts(root, ".//dcc:declaration/dcc:content")
 
 
