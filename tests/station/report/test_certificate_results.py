@@ -62,7 +62,7 @@ def test_what_was_set_by_convention_stands_apart_and_what_is_not_determined_is_n
     conventions = [convention_row(result) for result in whole.results if is_convention(result)]
     assert conventions == [("coil factor", "x", "1", "1")]
     assert list(left_out(whole)) == [
-        "Not determined by these data, and so not stated: coil factor of axis z, residual field of "
+        "Not determined by these data, and so not stated: coil factor of axis z; residual field of "
         "axis x.",
         "Nothing can be held against the limit of coil factor of axis z.",
     ]

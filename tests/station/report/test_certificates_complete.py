@@ -54,6 +54,10 @@ STATED: Mapping[str, Mapping[str, Any]] = {
 }
 """What the plans of procedures state that the shipped ones do not."""
 
+DETERMINES_NOTHING = {"gyro-bias-temperature"}
+"""Short forms that are too short for any result."""
+SIMULATED = "The bench is simulated"
+
 
 @pytest.mark.parametrize("name", quick(STATED, "serf-nonorthogonality", "nine-axis-calibration"))
 def test_a_complete_plan_on_a_complete_bench_is_a_draft_for_its_simulation_alone(
@@ -78,7 +82,9 @@ def test_a_complete_plan_on_a_complete_bench_is_a_draft_for_its_simulation_alone
     done = execute(Request(plan, read, tmp_path / "runs", quiet=True, report=False))
     folder = RunFolder(done.folder)
     certificate = certificate_of_run(folder, evaluate_run(folder)[0])
-    (reason,) = certificate.draft_reasons()
-    assert "simulated" in reason
+    reasons = certificate.draft_reasons()
+    nothing = ["The result is missing"] if name in DETERMINES_NOTHING else []
+    assert [reason for reason in reasons if not reason.startswith((*nothing, SIMULATED))] == []
+    assert len(reasons) == 1 + len(nothing)
     assert certificate.room[0][1] == "21.3 °C"
     assert not [row for row in certificate.ambient if "set point" in row[1]]
