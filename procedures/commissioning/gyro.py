@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
+from procedures.common.constants import along_earths_axis
 from station.errors import InstrumentError
 from station.fields import StrictModel, Unit
 from station.findings import Analysis, Flag, InputQuantity
@@ -69,10 +70,8 @@ class EarthRate(StrictModel):
     @property
     def _along(self) -> float:
         """The cosine of the angle between the input axis and the earth's axis."""
-        angles_deg = (self.latitude_deg, self.elevation_deg, self.azimuth_deg)
-        latitude, elevation, azimuth = map(math.radians, angles_deg)
-        along = math.cos(latitude) * math.cos(azimuth) * math.cos(elevation)
-        return along + math.sin(latitude) * math.sin(elevation)
+        angles_deg = (self.latitude_deg, self.azimuth_deg, self.elevation_deg)
+        return along_earths_axis(*map(math.radians, angles_deg))
 
     @property
     def rate_deg_per_h(self) -> float:

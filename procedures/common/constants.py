@@ -10,3 +10,9 @@ SECONDS_PER_HOUR = 3600.0
 FULL_TURN_DEG = 360.0
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 ARCSEC_PER_RAD = 3600.0 * 180.0 / math.pi
+
+
+def along_earths_axis(latitude_rad: float, azimuth_rad: float, elevation_rad: float) -> float:
+    """Return the cosine between an axis and that of the earth; azimuth is clockwise from north."""
+    level = math.cos(latitude_rad) * math.cos(elevation_rad) * math.cos(azimuth_rad)
+    return level + math.sin(latitude_rad) * math.sin(elevation_rad)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Protocol
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from procedures.common.constants import EARTH_RATE_DEG_PER_H
+from procedures.common.constants import EARTH_RATE_DEG_PER_H, along_earths_axis
 from station import registry
 from station.errors import ConditionNotReached
 from station.fields import InputAxis, StrictModel, Unit
@@ -132,10 +132,8 @@ def records_of_source(parameters: Sampling) -> tuple[RecordUse, ...]:
 
 def earth_arcsec_per_s(latitude_deg: float, axis: InputAxis) -> float:
     """Return the part of the earth's rate along an axis."""
-    latitude, elevation = math.radians(latitude_deg), math.radians(axis.elevation_deg)
-    north = math.cos(latitude) * math.cos(elevation) * math.cos(math.radians(axis.azimuth_deg))
-    up = math.sin(latitude) * math.sin(elevation)
-    return EARTH_RATE_DEG_PER_H * (north + up)  # 1 deg/h is 1 arcsec/s
+    angles = map(math.radians, (latitude_deg, axis.azimuth_deg, axis.elevation_deg))
+    return EARTH_RATE_DEG_PER_H * along_earths_axis(*angles)  # 1 deg/h is 1 arcsec/s
 
 
 def rate_Hz(parameters: Sampling) -> float:

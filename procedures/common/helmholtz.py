@@ -162,7 +162,7 @@ class FieldAtDevice:
         """By input the derivative (k, k) of the field at the device, over that field."""
         slopes = {}
         for quantity in self.inputs:
-            step = STEP_U * (quantity.standard_uncertainty or 0.0)
+            step = STEP_U * (quantity.standard_uncertainty or 1.0)
             up, down = (self.deviating(quantity.name, by) for by in (step, -step))
             slopes[quantity.name] = (up - down) / (2.0 * step)
         return slopes

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
+from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H, along_earths_axis
 from station.findings import Estimate, Findings, Flag, InputQuantity, contradiction
 
 from .readings import DEG_PER_H, Reading, Remainder, Suit, named, suiting
@@ -29,9 +29,8 @@ class Direction:
 
     def earth_deg_per_h(self, latitude_rad: float) -> float:
         """Return the earth's rate along it."""
-        level = np.cos(latitude_rad) * np.cos(self.elevation_rad) * np.cos(self.azimuth_rad)
-        return float(
-            EARTH_RATE_DEG_PER_H * (level + np.sin(latitude_rad) * np.sin(self.elevation_rad))
+        return EARTH_RATE_DEG_PER_H * along_earths_axis(
+            latitude_rad, self.azimuth_rad, self.elevation_rad
         )
 
     def sensitivities(self, latitude_rad: float) -> tuple[float, float]:

@@ -33,7 +33,7 @@ M_PER_S2_PER_UG = 9.80665e-6
 FEWEST_BENDS = 3
 GYRO_BIAS, ACCELEROMETER_BIAS = "gyro_bias", "accelerometer_bias"
 HEADING, LEVEL, FIX = "initial_heading", "initial_level", "reference_position"
-CURVE_BIAS, NOISE = "curve_bias", "noise"
+CURVE_BIAS, NOISE, FIRST = "curve_bias", "noise", "first_velocity"
 POSITION, VELOCITY = slice(0, 2), slice(2, 4)
 NAMES = (
     "position_error",
@@ -126,7 +126,8 @@ class Navigated:
         if part == POSITION:
             inputs[FIX] = math.sqrt(2.0) / 1000.0 * np.eye(2)
             late = self.offset_s * self.velocity_m_per_s[row][None, :]
-        return _Depends(by(NOISE) / math.sqrt(DRAWS), model, inputs, late)
+        noise = np.concatenate((by(NOISE) / math.sqrt(DRAWS), by(FIRST)))
+        return _Depends(noise, model, inputs, late)
 
 
 @dataclass(frozen=True)
@@ -175,6 +176,31 @@ def at_times(trajectory: Trajectory, time_s: Array) -> tuple[Array, Array, Array
     return values[:, 0], values[:, 1], values[:, 2], values[:, 3:]
 
 
+def ways_m(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Return how far a reference came, north, east, down (n-1, 3): by position, by velocity."""
+    latitude = np.radians(trajectory.latitude_deg)
+    longitude = np.radians(np.unwrap(trajectory.longitude_deg, period=360.0))
+    along, across = radii_m(latitude)
+    steps = (
+        np.diff(latitude) * along[1:],
+        np.diff(longitude) * across[1:] * np.cos(latitude[1:]),
+        -np.diff(trajectory.height_m),
+    )
+    added = cumulative_trapezoid(trajectory.velocity_m_per_s, trajectory.time_s, axis=0)
+    return np.cumsum(np.column_stack(steps), axis=0), added
+
+
+def velocity_doubt(trajectory: Trajectory) -> Array:
+    """Return how well a reference knows the horizontal velocity at which navigation begins, (2,).
+
+    That is its noise, and by how much it leads elsewhere than the positions.
+    """
+    moved, added = ways_m(trajectory)
+    lasts_s = float(trajectory.time_s[-1] - trajectory.time_s[0])
+    leads = np.abs(moved[-1] - added[-1]) / lasts_s
+    return np.asarray(np.hypot(white_noise(trajectory.velocity_m_per_s), leads)[:2])
+
+
 def navigate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Navigated:
     """Return the errors of a drive that has specific force, reference and first attitude."""
     assert drive.reference is not None
@@ -215,6 +241,8 @@ def navigate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Navigated:
             changes.add(f"model_{axis}", 1.0, turned=about(column, share))
         doubt = block_sums(taken * curve.check_ppm(heat)[:, None])[:, 0]
         changes.add(f"checks_{axis}", 1.0, turned=about(column, doubt))
+    for doubt in np.diag(velocity_doubt(drive.reference)):
+        changes.add(FIRST, 1.0, speed=doubt)
     changes.add(HEADING, 1.0, leans=np.array([0.0, 0.0, 1.0 / ARCMIN_PER_RAD]))
     for lean in np.eye(3)[:2]:
         changes.add(LEVEL, 1.0, leans=lean / ARCSEC_PER_RAD)
@@ -232,7 +260,7 @@ def navigate_drive(drive: Drive, curves: Mapping[str, Curve]) -> Navigated:
     start = State(
         np.full(count, latitude[0]),
         np.full(count, longitude[0]),
-        np.tile(velocity[0, :2], (count, 1)),
+        velocity[0, :2] + np.array(changes.speeds),
         rotation(np.array(changes.leans)) @ first_attitude(drive),
     )
     of = np.ones(count, dtype=np.int64)
@@ -267,6 +295,7 @@ class _Changes:
         self.turned: list[Array] = []
         self.pushed: list[Array] = []
         self.leans: list[Array] = []
+        self.speeds: list[Array] = []
         for run in RUNS:
             self.add(run, 1.0)
 
@@ -278,8 +307,10 @@ class _Changes:
         turned: Array | float = 0.0,
         pushed: Array | float = 0.0,
         leans: Array | None = None,
+        speed: Array | None = None,
     ) -> None:
         """Add a variant, `size` units of an input off; what a unit of it does is given."""
+        self.speeds.append(np.zeros(2) if speed is None else size * speed)
         shape = (len(self.spans_s), 3)
         self.names.append(name)
         self.sizes.append(size)

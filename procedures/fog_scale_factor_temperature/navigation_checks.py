@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.estimation.flags import not_identifiable
-from procedures.estimation.strapdown import gravity_m_per_s2, radii_m
+from procedures.estimation.strapdown import gravity_m_per_s2
 from station.findings import Flag, contradiction
 
 from .curve import Curve
@@ -30,6 +30,7 @@ from .navigation import (
     covered,
     first_attitude,
     navigate_drive,
+    ways_m,
 )
 
 G = 9.80665
@@ -188,18 +189,8 @@ def _denied(drive: Drive) -> list[Flag]:
 
 def _reference(trajectory: Trajectory, latitude_deg: float) -> list[Flag]:
     """Return the flag of positions that are not where velocity leads."""
-    latitude = np.radians(trajectory.latitude_deg)
-    along, across = radii_m(latitude)
-    longitude = np.radians(np.unwrap(trajectory.longitude_deg, period=FULL_TURN_DEG))
-    steps = (
-        np.diff(latitude) * along[1:],
-        np.diff(longitude) * across[1:] * np.cos(latitude[1:]),
-        -np.diff(trajectory.height_m),
-    )
-    added = cumulative_trapezoid(trajectory.velocity_m_per_s, trajectory.time_s, axis=0)
     names = ("latitude_deg", "longitude_deg", "height_m")
-    for name, step, own in zip(names, steps, added.T, strict=True):
-        moved = np.cumsum(step)
+    for name, moved, own in zip(names, *(way.T for way in ways_m(trajectory)), strict=True):
         scale = max(_rms(moved), _rms(own))
         if _rms(moved - own) > max(DISAGREES * scale, LEAST_MOVED_M):
             denied_text = (

@@ -311,17 +311,19 @@ def coil_record(
     """
     commanded_nT, applied_nT, output_nT = (np.array(column) for column in zip(*levels, strict=True))
     prior, largest_nT = parameters.prior, float(np.abs(applied_nT).max())
-    stated = [
-        bench.stated(GAUSSMETER, "field", at_nT / NT_PER_MT, "mT") or (0.0, "")
-        for at_nT in (0.0, largest_nT)
-    ]
-    (zero_nT, _), (whole_nT, source) = ((NT_PER_MT * u_mT, source) for u_mT, source in stated)
     given = prior.gaussmeter_gain, prior.gaussmeter_zero_nT
+    least, most = (
+        bench.stated(GAUSSMETER, "field", at_nT / NT_PER_MT, "mT") for at_nT in (0.0, largest_nT)
+    )
+    zero_nT, gain_u, source = 0.0, 0.0, ""  # stated by nobody
+    if least is not None and most is not None:
+        zero_nT, source = NT_PER_MT * least[0], most[1]
+        gain_u = max(NT_PER_MT * most[0] - zero_nT, 0.0) / largest_nT
     place = at_device(bench, "three_axis")
     record = CoilRecord(
         bench.corrected(GAUSSMETER, "field", applied_nT / NT_PER_MT, "mT") * NT_PER_MT,
         output_nT,
-        given[0] or (whole_nT - zero_nT) / largest_nT,
+        given[0] or gain_u,
         given[1] or zero_nT,
         math.radians(prior.coil_alignment_deg),
         commanded_nT,

@@ -19,7 +19,7 @@ from station.roles.turntable import unnamed_axes
 from .all_axes.outlook import expected_inertial, outlook_of_other_axes
 from .attitude import GyroGain, StaticMeans, solve_biases
 from .dataset import Array, Prior
-from .in_coil import GAUSSMETER
+from .in_coil import AMBIENT_MT, GAUSSMETER
 from .parameters import COILS, NineAxisParameters
 from .parameters import Prior as PriorModel
 from .placing import RATES, TURNTABLE
@@ -41,7 +41,7 @@ def records(parameters: NineAxisParameters, bench: Bench) -> tuple[RecordUse, ..
     in_coil = parameters.magnetometer_in_coil
     if in_coil is None:
         return (angle,)
-    return (angle, RecordUse(GAUSSMETER, "field", max(in_coil.levels_mT), "mT"))
+    return (angle, RecordUse(GAUSSMETER, "field", max(in_coil.levels_mT) + AMBIENT_MT, "mT"))
 
 
 def check(parameters: NineAxisParameters, bench: Bench) -> Iterator[Problem]:

@@ -128,10 +128,11 @@ class PlanPrior(AllAxesPrior):
 class InCoil(StrictModel):
     """Steady fields of a three-axis coil, one coil after the other: both signs of `levels`, zero.
 
-    `settle` is what a field has before its `record`, in which sensor and gaussmeter are read.
+    Below 5 uT the gaussmeter's noise would be in the scale factor. `settle` is what a field has
+    before its `record`, in which sensor and gaussmeter are read.
     """
 
-    levels_mT: tuple[Annotated[float, Unit("mT"), Field(gt=0)], ...] = Field(min_length=1)
+    levels_mT: tuple[Annotated[float, Unit("mT"), Field(ge=0.005)], ...] = Field(min_length=1)
     record_s: Annotated[float, Unit("s"), Field(ge=2, le=3600)] = 20.0
     settle_s: Annotated[float, Unit("s"), Field(ge=0)] = 2.0
 

@@ -20,7 +20,7 @@ from procedures.estimation.linear import robust_sigma
 from procedures.estimation.turn_encoder import unwrap
 from station.findings import Analysis, Trials
 
-from .all_axes.coil import ALIGNMENT, GAIN, ZERO
+from .all_axes.coil import ALIGNMENT, GAIN, ZERO, solve_coil
 from .all_axes.inertial import EDGE, MOUNTING, SECOND_ORDER, TILT, K, shape_of
 from .all_axes.magnetic import DIRECTIONS, INCLINATION, MAGNITUDE, Magnetic
 from .all_axes.results import GRAVITY, OtherResults
@@ -84,6 +84,7 @@ class Noise:
     turns: Sequence[Source]
     force_g: Mapping[str, Source]
     field_nT: Mapping[str, Source]
+    coil_nT: Array | None = None
 
 
 Draw = Callable[[Recorded, float, np.random.Generator], Recorded]
@@ -259,7 +260,9 @@ def noise_of(analysis: NineAxisAnalysis, recorded: Recorded) -> Noise:
             sigma = felt[mounting.name] * np.sqrt(np.isfinite(together).sum(axis=0))
             own = np.hypot(felt[mounting.name], wander_nT)
             field[mounting.name] = _source(together, own, sigma)
-    return Noise(positions, turns, force, field)
+    coil = recorded.others.coil
+    solved = solve_coil(coil) if coil is not None else None
+    return Noise(positions, turns, force, field, None if solved is None else solved.sigma_nT)
 
 
 def _source(samples: Array, mean_u: Array, sigma: Array | None = None) -> Source:
@@ -334,6 +337,11 @@ def noisy(recorded: Recorded, random: np.random.Generator, *, noise: Noise) -> R
             shape = len(record.turn.time_s), 3
             white = (source.sample * random.standard_normal(shape) for source in (force, field))
             turns.append(Added(next(of_record), *map(np.add, whole, white)))
+    coil = recorded.others.coil
+    if coil is not None and noise.coil_nT is not None:
+        more_nT = noise.coil_nT * random.standard_normal(coil.output_nT.shape)
+        coil = replace(coil, output_nT=coil.output_nT + more_nT)
+        recorded = replace(recorded, others=replace(recorded.others, coil=coil))
     return added(recorded, stands, turns)
 
 

@@ -78,7 +78,8 @@ def noisy(
 ) -> RlgDataset:
     """Return the records with more noise on output and field, of the size that theirs has."""
     pairs = zip(dataset.segments, noises, strict=True)
-    return RlgDataset(tuple(_noisy(segment, noise, random) for segment, noise in pairs))
+    segments = tuple(_noisy(segment, noise, random) for segment, noise in pairs)
+    return replace(dataset, segments=segments)
 
 
 def _noisy(segment: Segment, noise: Noise, random: np.random.Generator) -> Segment:

@@ -60,7 +60,7 @@ def list_(
         str, typer.Option(metavar="STORE", help="Folder of the runs, or URL of a history.")
     ] = "runs",
     page: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Of the runs: 1 is the newest 50.")
+        int, typer.Option(min=1, max=10**6, metavar="N", help="Of the runs: 1 is the newest 50.")
     ] = 1,
     json: Json = False,
 ) -> None:

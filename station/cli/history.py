@@ -11,6 +11,7 @@ from pathlib import Path
 from station.clock import utc_now
 from station.console import tell
 from station.errors import InputError
+from station.files.statements import says_something
 from station.history.alarms import Alarm, Known, alarms_named, alarms_of
 from station.history.series import Series, series_of
 from station.history.store import Acknowledgement, Entry, History, Wanted
@@ -56,14 +57,17 @@ def acknowledge_alarms(
 
     Of several alarms of a chart the new baseline begins after the last of them.
     """
-    if not any(sign.isalnum() for sign in reason):
+    if not says_something(reason):
         raise InputError("say by --reason what the cause was, and what was done about it")
     with closing(History(parent)) as history:
         for sentence in history.take_in()[1]:
             tell(f"WARNING: {sentence}")
         entries = history.results(Wanted(check_standard=True))
-        alarms = alarms_named(alarms_of(entries, history.acknowledgements()), names)
+        every = alarms_of(entries, history.acknowledgements())
+        alarms = alarms_named(every, names)
         last = {alarm.of_chart: alarm.identity for alarm in alarms}
+        if new_baseline:
+            refuse_alarms_behind(every, alarms)
         now, who = utc_now().isoformat(timespec="seconds"), user_name() or "unknown"
         notes = [
             Acknowledgement(
@@ -89,6 +93,21 @@ def acknowledge_alarms(
         print(line)
     if new_baseline:
         show("the next run of the standard begins a new baseline")
+
+
+def refuse_alarms_behind(every: Sequence[Alarm], named: Sequence[Alarm]) -> None:
+    """Raise InputError where an alarm stands that came after those after which a baseline begins.
+
+    It would be gone without anybody's reason.
+    """
+    last = {alarm.of_chart: alarm.entry.started_utc for alarm in named}
+    for alarm in every:
+        begins_after = last.get(alarm.of_chart, alarm.entry.started_utc)
+        if alarm.stands and alarm not in named and alarm.entry.started_utc > begins_after:
+            raise InputError(
+                f"alarm {alarm.identity} came later and stands: {alarm.sentence()}; a new "
+                "baseline begins after it, so acknowledge it too"
+            )
 
 
 def lines_of_alarms(alarms: Sequence[Alarm]) -> list[str]:

@@ -116,6 +116,8 @@ def report(
     from station.cli.reporting import issue_certificate, remake_report
 
     if issue:
+        if format not in (ReportFormat.HTML, ReportFormat.PDF) or schema is not None:
+            raise typer.BadParameter("--issue keeps a PDF: leave --format and --schema out")
         issue_certificate(folder, kind.value, paper.value, letterhead, lang, replaces, reason)
     elif replaces or reason:
         raise typer.BadParameter("--replaces and --reason go with --issue")

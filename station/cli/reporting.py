@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from station.cli.analysing import name_unused, new_revision
 from station.console import tell
 from station.errors import InputError
+from station.files.statements import says_something
 from station.record.certificates import Issue, in_force, issues_of, keep, kept_pdf, refuse_second
 from station.record.files import A_COPY, replaced
 from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
@@ -132,19 +133,12 @@ def certificate(
     from station.report.certificate import certificate_of_run, sheet_of
 
     revision = revision_of(folder, drawn=False)
-    current = in_force(issues_of(folder.events))
-    if current is None:
-        unissued = NOT_ISSUED
-    elif current.results != file_hash(revision.path / RESULTS):
-        unissued = (
-            f"This is a preview: issued is certificate {current.number}, of other results; "
-            "`--issue --replaces NUMBER --reason TEXT` issues an amended one."
-        )
-    elif format == "pdf" and as_issued and letterhead is None:
-        return kept_pdf(folder.path, folder.events, current)
-    else:
+    current, amendment, unissued = as_issued_now(folder, revision)
+    if current is not None and not unissued:
+        if format == "pdf" and as_issued and letterhead is None:
+            return kept_pdf(folder.path, folder.events, current)
         unissued = f"This is a copy in another form: issued is certificate {current.number}."
-    sheet = sheet_of(certificate_of_run(folder, revision.document))
+    sheet = sheet_of(certificate_of_run(folder, revision.document, amendment))
     sheet = replace(sheet, drafts=(*sheet.drafts, unissued))
     for reason in sheet.drafts:
         tell(f"draft: {reason}")
@@ -156,12 +150,41 @@ def certificate(
     return render_sheet(sheet, letterhead).encode()
 
 
+def as_issued_now(
+    folder: RunFolder, revision: Revision
+) -> tuple[Issue | None, tuple[str, ...], str]:
+    """Return the certificate in force, its amendment, and why what is made now is not issued.
+
+    That is empty where the one in force is of the same results.
+    """
+    from station.report.certificate import amendment_of
+
+    issues = issues_of(folder.events)
+    current = in_force(issues)
+    if current is None:
+        return None, (), NOT_ISSUED
+    amendment: tuple[str, ...] = ()
+    if current.replaces:
+        replaced_on = issues[current.replaces].date
+        amendment = amendment_of(current.replaces, replaced_on, current.reason)
+    if current.results == file_hash(revision.path / RESULTS):
+        return current, amendment, ""
+    return (
+        current,
+        (),
+        f"This is a preview: issued is certificate {current.number}, of other results; "
+        "`--issue --replaces NUMBER --reason TEXT` issues an amended one.",
+    )
+
+
 def digital_certificate(folder: RunFolder, schema: Path | None) -> bytes:
     """Return the certificate of a run as a dcc, held against a schema where there is one."""
     from station.report.dcc import dcc_of_run
     from station.report.xml_schema import refuse_invalid
 
-    xml, drafts = dcc_of_run(folder, revision_of(folder, drawn=False).document)
+    revision = revision_of(folder, drawn=False)
+    _, amendment, unissued = as_issued_now(folder, revision)
+    xml, drafts = dcc_of_run(folder, revision.document, amendment, unissued)
     for reason in drafts:
         tell(f"draft: {reason}")
     if schema is not None:
@@ -185,7 +208,7 @@ def issue_certificate(
     """
     if kind != "certificate":
         raise InputError(f"a {kind} is not issued; choose --kind certificate")
-    if bool(replaces) != bool(reason.strip()) or not reason.isprintable():
+    if bool(replaces) != says_something(reason) or not reason.isprintable():
         raise InputError(
             "an amended certificate names the one that it replaces, and says in a line why: give "
             "--replaces NUMBER and --reason TEXT"
@@ -218,9 +241,9 @@ def issue_certificate(
         replaces=replaces,
         reason=reason.strip(),
     )
-    same = next((known.number for known in issues.values() if known.content == issue.content), None)
-    if same is not None:
-        raise InputError(f"certificate {same} says the same; nothing is issued")
+    current = in_force(issues)
+    if current is not None and current.content == issue.content:
+        raise InputError(f"certificate {current.number} says the same; nothing is issued")
     head = keep(path, issue, pdf_of(sheet_of(made).translated(texts), paper, letterhead))
     tell(f"certificate {issue.number} is issued; the head of the log is now {head}")
     name_unused(folder)

@@ -17,6 +17,8 @@ Coordinate = Annotated[float, Unit("mm"), Field(ge=-5000, le=5000)]
 Uncertainty = Annotated[float, Unit("mm"), Field(gt=0, le=100)]
 NARROWEST, WIDEST = 0.6, 1.6
 """Spacings over the radius that may be those of a Helmholtz pair, which has one radius."""
+ROUGHEST = 0.01
+"""Of the radius: with lengths known less well their squares count, which the budget leaves out."""
 
 
 class PairGeometry(StrictModel):
@@ -39,6 +41,18 @@ class PairGeometry(StrictModel):
                 "middles of the two windings"
             )
         return spacing_mm
+
+    @field_validator("radius_uncertainty_mm", "spacing_uncertainty_mm")
+    @classmethod
+    def well_known(cls, uncertainty_mm: float, info: ValidationInfo) -> float:
+        """Refuse an uncertainty whose square would count."""
+        radius_mm = info.data.get("radius_mm")
+        if radius_mm and uncertainty_mm > ROUGHEST * radius_mm:
+            raise ValueError(
+                f"is {100.0 * uncertainty_mm / radius_mm:.2g} % of the radius; at most 1 % will "
+                "do: measure the coil anew, or leave coil_geometry out"
+            )
+        return uncertainty_mm
 
     def holds(self, along_mm: float, across_mm: float) -> bool:
         """Tell whether a place lies between the windings and within their circle."""

@@ -59,6 +59,7 @@ def certificate_of_run(
     procedure = procedure_of(plan.procedure)
     header, laboratory, facts = plan.header, bench.file.laboratory, folder.run_facts()
     references = dict(header.references)
+    cited = references.pop("method", "")
     ended = time_of_day(facts.get("ended_utc")) or ""
     rows, others = traceability(folder, plan, bench, procedure)
     document, raised = not_below_cmc(document, laboratory, plan.decision_rule)
@@ -75,7 +76,7 @@ def certificate_of_run(
         work_instruction=references.pop("work_instruction", ""),
         references=tuple(references.items()),
         method=f"{procedure.title}, after {procedure.source}" if procedure.source else "",
-        cited=references.pop("method", ""),
+        cited=cited,
         deviations=header.deviations,
         device=tuple(device_rows(plan)),
         condition=header.dut.condition or "",

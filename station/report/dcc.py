@@ -53,16 +53,25 @@ for _prefix, _namespace in (("dcc", DCC), ("si", SI), ("xsi", XSI)):
     ET.register_namespace(_prefix, _namespace)
 
 
-def dcc_of_run(folder: RunFolder, document: ResultDocument) -> tuple[bytes, tuple[str, ...]]:
-    """Return the certificate of a run as XML, and in sentences why it is a draft."""
+def dcc_of_run(
+    folder: RunFolder,
+    document: ResultDocument,
+    amendment: tuple[str, ...] = (),
+    unissued: str = "",
+) -> tuple[bytes, tuple[str, ...]]:
+    """Return the certificate of a run as XML, and in sentences why it is a draft.
+
+    `amendment` says which certificate it replaces; `unissued` why it is not the one in force.
+    """
     from station.recorded import read_plan_and_bench
 
-    certificate = certificate_of_run(folder, document)
+    certificate = certificate_of_run(folder, document, amendment)
     plan, bench = read_plan_and_bench(folder)
     laboratory = bench.file.laboratory
     document, _ = not_below_cmc(document, laboratory, plan.decision_rule)
     country = laboratory.country if laboratory else None
-    drafts = (*certificate.draft_reasons(), *(() if country else (NO_COUNTRY,)))
+    lacking = (unissued, "" if country else NO_COUNTRY)
+    drafts = (*certificate.draft_reasons(), *filter(None, lacking))
     days = [str(folder.run_facts().get(key) or "")[:10] for key in ("started_utc", "ended_utc")]
     root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=VERSION)
     root.set(f"{{{XSI}}}schemaLocation", SCHEMA_PLACE)
@@ -184,12 +193,19 @@ def _contact(contact: ET.Element, name: str, address: str, country: str | None =
 
 def _sentences(certificate: Certificate, document: ResultDocument) -> Iterator[str]:
     """Yield what the certificate states: deviations, flags, decision, what was left out."""
+    yield from certificate.amendment
     yield from certificate.deviations or (NO_DEVIATION,)
     yield from messages(certificate.flags)
     if any(result.limit for result in document.results):
         yield f"Decision rule: {certificate.decision_rule}"
         yield f"Decision: {certificate.verdict}"
     yield from certificate.remarks
+    for what, axis, value, unit, *_ in certificate.conventions:
+        named = " ".join(filter(None, (what, axis, value, unit if unit != "1" else "")))
+        yield f"Set by convention, not measured: {named}."
+    yield from certificate.assumptions
+    if certificate.si_statement:
+        yield certificate.si_statement
     if certificate.other_instruments:
         yield f"Used, but in no budget of a result: {', '.join(certificate.other_instruments)}."
     for name, digest in certificate.hashes:
@@ -287,7 +303,7 @@ def _real(quantity: ET.Element, value: float, result: Result | None, unit: str) 
     name, factor = known
     real = _add(quantity, "real", space=SI)
     if combined is None or not combined.expanded_uncertainty:
-        _add(real, "value", repr(value * factor), SI)
+        _add(real, "value", f"{value * factor:.15g}", SI)
         _add(real, "unit", name, SI)
         return
     shown, expanded = format_with_uncertainty(

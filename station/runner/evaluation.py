@@ -135,8 +135,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     flags.extend(
         Flag(
             "check-standard-alarm",
-            "A check standard spoke against the bench when the run began: "
-            f"{event.details['message']}.",
+            f"An alarm of a check standard stood when the run began: {event.details['message']}.",
         )
         for event in folder.events_of(STANDARD_ALARM)
     )

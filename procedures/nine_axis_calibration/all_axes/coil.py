@@ -21,19 +21,22 @@ from .stands import Array, CoilRecord
 
 GAIN, ZERO, ALIGNMENT = "prior_gaussmeter_gain", "prior_gaussmeter_zero", "prior_coil_alignment"
 UNKNOWNS = 4
+FEWEST_TO_REJECT = 30
+"""Of fewer rows four unknowns leave too little to tell a wild one by: none is left out."""
 SMALLEST_SPREAD = 1e-3
 
 
 @dataclass(frozen=True)
 class InCoil:
     """Offset (3,) in nT, matrix `gain` (3, 3), covariance (12, 12) of both, row by row; the degrees
-    of freedom of each row (3,). `at_device` is how the field at the sensor follows from that at the
-    probe, `by_place` the derivatives (12,) by what that depends on."""
+    of freedom of each row (3,), the noise of its outputs. `at_device` is how the field at the
+    sensor follows from that at the probe, `by_place` the derivatives (12,) by its inputs."""
 
     offset_nT: Array
     gain: Array
     covariance: Array
     freedom: Array
+    sigma_nT: Array
     at_device: FieldAtDevice | None
     by_place: Mapping[str, Array]
 
@@ -41,6 +44,7 @@ class InCoil:
 def solve_coil(record: CoilRecord) -> InCoil | None:
     """Return offset and matrix; None where the fields do not span three directions."""
     state, covariance, freedom = np.zeros((3, UNKNOWNS)), np.zeros((12, 12)), np.zeros(3)
+    sigma_nT = np.zeros(3)
     for axis in range(3):
         output = record.output_nT[:, axis]
         step = smallest_step(output[np.isfinite(output)])
@@ -57,14 +61,16 @@ def solve_coil(record: CoilRecord) -> InCoil | None:
             freedom[axis] = len(applied) - UNKNOWNS
             variance = max(float(np.sum(left[good] ** 2)) / freedom[axis], step**2 / 12.0)
             state[axis], covariance[np.ix_(own, own)] = solved, variance * inverse
-            good &= good_samples(left, OUTLIER, QUANTUM_PART * step)
+            sigma_nT[axis] = np.sqrt(variance)
+            if len(applied) >= FEWEST_TO_REJECT:
+                good &= good_samples(left, OUTLIER, QUANTUM_PART * step)
     gain, at_device = state[:, 1:], record.at_device
     by_place = {}
     for name, slope in at_device.slopes.items() if at_device is not None else ():
         # A coil's field that is larger makes the gain smaller; the ambient field stays.
         by_gain = -gain @ slope
         by_place[name] = np.concatenate((-by_gain @ record.ambient_nT, by_gain.ravel()))
-    return InCoil(state[:, 0], gain, covariance, freedom, at_device, by_place)
+    return InCoil(state[:, 0], gain, covariance, freedom, sigma_nT, at_device, by_place)
 
 
 def sound_mean(samples: Array) -> Array:

@@ -90,6 +90,25 @@ def test_errors_of_a_drive_are_recovered_within_their_uncertainty(curves: dict[s
     assert float(np.max(squares)) < 16.0
 
 
+@pytest.mark.parametrize(("noise", "offset"), [(0.03, 0.0), (0.0, 0.02)])
+def test_what_the_first_velocity_of_the_reference_is_off_is_in_u(
+    curves: dict[str, Curve], noise: float, offset: float
+) -> None:
+    plain = drive_of(flawed(3))
+    assert plain.reference is not None
+    velocity = plain.reference.velocity_m_per_s
+    more = noise * np.random.default_rng(4).standard_normal(velocity.shape)
+    more[:, :2] += offset
+    reference = replace(plain.reference, velocity_m_per_s=velocity + more)
+    truth, _ = navigated(plain, curves)
+    off, flags = navigated(replace(plain, reference=reference), curves)
+    assert truth is not None and off is not None, flags
+    sizes = [way.size(curves, "position_error", 1, {}) for way in (truth, off)]
+    # What it adds to u holds what it does to the error.
+    added = math.sqrt(sizes[1].u ** 2 - sizes[0].u ** 2)
+    assert 0.5 < abs(sizes[1].value - sizes[0].value) < 3.0 * added
+
+
 def test_an_imported_drive_gives_position_and_velocity_errors(
     tmp_path: Path, curves: dict[str, Curve]
 ) -> None:

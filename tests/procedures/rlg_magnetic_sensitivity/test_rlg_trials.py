@@ -95,6 +95,9 @@ def test_places_of_coils_probe_and_gyro_do_what_their_sensitivities_say() -> Non
         rows = {name for name in estimate.sensitivities if name.endswith("_mm")}
         assert len(rows) == 8
     assert wrong_sensitivities(findings, findings.inputs) == {}
+    assert findings.trials is not None
+    noisy = findings.trials.noisy(findings.trials.dataset, np.random.default_rng(1))
+    assert noisy.at_device is at
 
 
 @pytest.mark.parametrize("records", ["one_axis", "two_axes"])

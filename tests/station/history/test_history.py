@@ -393,6 +393,8 @@ def test_of_several_alarms_the_new_baseline_begins_after_the_last(tmp_path: Path
     remember(made_run(tmp_path, 31, 1.2, serial="STD", standard=True))
     names = [warned.sentence.split()[1] for warned in standing_alarms("sim", tmp_path)]
     assert len(names) == 2
+    with pytest.raises(InputError, match=f"alarm {names[1]} came later and stands"):
+        acknowledge_alarms(tmp_path, names[:1], "new coil", new_baseline=True, as_json=False)
     acknowledge_alarms(tmp_path, names, "new coil", new_baseline=True, as_json=False)
     assert standing_alarms("sim", tmp_path) == []
     with closing(History(tmp_path)) as history:

@@ -41,6 +41,11 @@ def test_the_geometry_is_read_in_mm() -> None:
         (f", {BOX}", "", "give the size of the device once: `box` or `sphere`"),
         ("radius: 240 mm", "radius: 480 mm", "is 0.5 times the radius"),
         ("radius: 300 mm", "radius: 610 mm", "the radius, not the diameter"),
+        (
+            "spacing_uncertainty: 0.5 mm",
+            "spacing_uncertainty: 9 mm",
+            "% of the radius; at most 1 %",
+        ),
         ("      z: {radius", "      w: {radius", "pairs.w"),
     ],
 )

@@ -151,7 +151,7 @@ def test_the_head_of_the_log_the_software_and_the_instruments_are_there(run: Pat
     names = texts(root, ".//dcc:measuringEquipment/dcc:name/dcc:content")
     assert names == [row[0] for row in printed.traceability] and names
     conditions = texts(root, ".//dcc:influenceCondition/dcc:data/dcc:quantity/si:real/si:value")
-    assert conditions == [str(float(n)) for row in printed.ambient for n in row[2:5]]
+    assert conditions == [f"{float(n):.15g}" for row in printed.ambient for n in row[2:5]]
 
 
 @pytest.mark.parametrize(

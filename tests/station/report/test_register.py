@@ -16,7 +16,7 @@ from certified_run import measured
 from pypdf import PdfReader
 
 from station.cli.looking import list_what_there_is
-from station.cli.reporting import issue_certificate, remake_report
+from station.cli.reporting import NOT_ISSUED, issue_certificate, remake_report
 from station.cli.verifying import verified_run, verify_runs
 from station.errors import DamagedRecord, InputError, StationError
 from station.record.certificates import Issue, in_force, issues_of, keep, kept_pdf
@@ -115,6 +115,9 @@ def test_an_issued_certificate_is_kept_in_log_and_manifest_and_comes_out_the_sam
 
 @pytest.mark.usefixtures("real")
 def test_what_is_no_issued_pdf_is_a_draft(run: Path) -> None:
+    remake_report(run, "dcc", "certificate")
+    digital = (run / "exports" / "certificate.dcc.xml").read_text(encoding="utf-8")
+    assert f"Draft: {NOT_ISSUED}" in digital
     remake_report(run, "html", "certificate")
     page = run / "exports" / "certificate.html"
     assert "This is a preview" in page.read_text(encoding="utf-8")
@@ -188,6 +191,12 @@ def test_an_amended_certificate_names_the_one_it_replaces_and_both_are_listed(
         "Ring Gyros Ltd",
         "kept",
     ]
+    remake_report(run, "dcc", "certificate")
+    digital = (run / "exports" / "certificate.dcc.xml").read_text(encoding="utf-8")
+    assert f"replaces certificate {first.number}" in digital
+    assert NOT_ISSUED not in digital
+    issue(run, second.number, "English was right.", "en")  # as the withdrawn one was
+    second = issued(run)[2]
     moved = run.rename(run.parent / "put elsewhere")
     assert verify(moved).state == "unchanged"
     remake_report(moved, "pdf", "certificate")
