@@ -141,6 +141,23 @@ def values_of_chunk(
     return np.array([values_of_trial(n, again, deviations, ways, seed) for n in numbers])
 
 
+def deviating(
+    again: Trials,
+    dataset: Any,
+    deviations: Sequence[Deviation],
+    drawn: Sequence[float],
+    random: np.random.Generator,
+) -> Any:
+    """Return the dataset as it is where each input that acts on it deviates as drawn."""
+    for each, deviation in zip(deviations, drawn, strict=True):
+        name, u = each.quantity.name, each.quantity.standard_uncertainty
+        if name in again.perturbed:
+            dataset = again.perturbed[name](dataset, deviation)
+        elif name in again.drawn:
+            dataset = again.drawn[name](dataset, u or 0.0, random)
+    return dataset
+
+
 def values_of_trial(
     number: int, again: Trials, deviations: Sequence[Deviation], ways: Ways, seed: int
 ) -> list[float]:
@@ -153,12 +170,7 @@ def values_of_trial(
     try:
         with quiet_numbers():
             dataset = again.noisy(again.dataset, random)
-            for each, deviation in zip(deviations, drawn, strict=True):
-                name, u = each.quantity.name, each.quantity.standard_uncertainty
-                if name in again.perturbed:
-                    dataset = again.perturbed[name](dataset, deviation)
-                elif name in again.drawn:
-                    dataset = again.drawn[name](dataset, u or 0.0, random)
+            dataset = deviating(again, dataset, deviations, drawn, random)
             estimates = again.analyse(dataset).estimates
     except (ArithmeticError, ValueError):  # LinAlgError is a ValueError
         return [math.nan] * len(ways)

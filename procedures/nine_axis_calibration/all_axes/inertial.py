@@ -123,7 +123,8 @@ class Inertial:
     """The solution: state (24 + 2 s,) with its covariance.
 
     `second_order` says whether that is determined, `wider` by how much uncertainties grew since the
-    orientations disagree.
+    orientations disagree. `by_second_order` (24 + 2 s, 3) is what the state moves by with a second
+    order of each axis that nobody states; zeros where it is stated or determined.
     """
 
     stands: Stands
@@ -132,6 +133,7 @@ class Inertial:
     second_order: bool
     wider: float
     shares: Shares
+    by_second_order: Array
 
     @property
     def orientations(self) -> tuple[Orientation, ...]:
@@ -310,7 +312,11 @@ def solve_inertial(orientations: Sequence[Orientation], data: OtherAxes) -> Iner
     covariance[np.ix_(free, free)] = np.linalg.pinv(jacobian.T @ jacobian) * wider**2
     by_row = covariance[:, free] @ jacobian.T / wider
     shares = Shares(by_row, stands.sources(len(fit.fun)))
-    return Inertial(stands, state, covariance, second, wider, shares)
+    by_second_order = np.zeros((len(state), 3))
+    if second_u == 0.0:
+        by_state = _jacobian(stands.residuals, state)[:, K2]
+        by_second_order[free] = -np.linalg.pinv(jacobian) @ by_state
+    return Inertial(stands, state, covariance, second, wider, shares, by_second_order)
 
 
 def _jacobian(function: Callable[[Array], Array], at: Array) -> Array:

@@ -78,6 +78,8 @@ OF_ACCELEROMETERS = (
 OF_GYROS = Quantity(
     "misalignment", PAIRS, "arcsec", slice(M, SENSOR), ARCSEC_PER_RAD, ACCELEROMETERS
 )
+SECOND_ORDER_SEEN = 50.0
+"""In ug/g^2: a second order that nobody states counts where one of this size moves a result by u."""
 BY_FORCE = (PER_G, EVERY, "deg/h/g")
 OF_MAGNETOMETER = ((OFFSET, AXES, "nT"), (SCALE, AXES, "1"), (LEAN, PAIRS, "arcsec"))
 Shared = tuple[Estimate, Mapping[str, float]]
@@ -212,6 +214,9 @@ def _of_state(inertial: Inertial, quantity: Quantity) -> Iterator[Shared]:
             yield from _unknown(name, (axis,), unit)
             continue
         by = {GRAVITY: float(value / inertial.stands.gravity_g)} if unknowns == K else {}
+        unstated = 1e-6 * float(np.linalg.norm(slope @ inertial.by_second_order))
+        if unstated * SECOND_ORDER_SEEN > size:
+            by[SECOND_ORDER] = unstated
         estimate = Estimate(
             name, axis, float(value), unit, float(size), None, METHOD, by, dict(extra)
         )
@@ -303,13 +308,18 @@ def with_rows(estimates: Sequence[Estimate], results: OtherResults) -> list[Esti
 def prior_rows(data: OtherAxes) -> Iterator[InputQuantity]:
     """Yield the priors of the other six axes, each in units of its own standard uncertainty."""
     field_nT, inclination = data.field_u_nT, data.inclination_u_rad
+    second_u = 1e6 * data.second_order_u
     described = {
         EDGE: "directions between axes, each stand",
-        SECOND_ORDER: f"second order of the accelerometers, {1e6 * data.second_order_u:.3g} ug/g^2",
+        SECOND_ORDER: f"second order of the accelerometers, {second_u:.3g} ug/g^2",
         DIRECTIONS: "directions of the stands, as the accelerometers or the priors give them",
         MAGNITUDE: f"magnitude of the earth's field, {field_nT:.3g} nT",
         INCLINATION: f"inclination of the earth's field, {math.degrees(inclination):.3g} deg",
     }
+    if not second_u:
+        about = "second order of the accelerometers"
+        yield InputQuantity.if_stated(SECOND_ORDER, about, None, "ug/g^2", data.source)
+        del described[SECOND_ORDER]
     for name, about in described.items():
         yield InputQuantity(name, about, 1.0, "1", data.source)
 

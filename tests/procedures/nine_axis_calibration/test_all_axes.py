@@ -13,7 +13,8 @@ import pytest
 from nine_axis_records import PRIOR
 from nine_axis_stands import FACES, Bench, truth_of, write
 
-from procedures.nine_axis_calibration.all_axes.results import OtherResults, results_of
+from procedures.nine_axis_calibration.all_axes.inertial import SECOND_ORDER
+from procedures.nine_axis_calibration.all_axes.results import OtherResults, prior_rows, results_of
 from procedures.nine_axis_calibration.all_axes.spheres import fields, spheres
 from procedures.nine_axis_calibration.all_axes.stands import CoilRecord, direction
 from procedures.nine_axis_calibration.analysis import analyse
@@ -345,3 +346,24 @@ def test_calibrated_output_lies_on_the_sphere_and_the_ellipsoid_stands_beside_it
     assert off[1] < 80.0 < off[0]
     (x, *_) = [one.value for one in found.published if one.method == "ellipsoid"]
     assert x == pytest.approx(bench.sensor.offset_nT[0], abs=1000.0)
+
+
+def test_a_second_order_that_nobody_states_is_an_input_of_the_bias() -> None:
+    bench = Bench(9, poses=FACES)
+    data = bench.data()
+    found = results_of(data)
+    (stated,) = (one for one in prior_rows(data) if one.name == SECOND_ORDER)
+    assert stated.standard_uncertainty is None
+    second = bench.sensor.second / 1e-6
+    for n, axis in enumerate("XYZ"):
+        (bias,) = (
+            one for one in found.estimates if (one.name, one.axis) == ("accelerometer_bias", axis)
+        )
+        assert bias.value is not None
+        off = bias.value - bench.sensor.bias_g[n]
+        assert abs(off) > 0.5e-6 * abs(second[n])
+        assert abs(off - bias.sensitivities[SECOND_ORDER] * second[n]) < 4e-5
+    scale = [one for one in found.estimates if one.name == "accelerometer_scale_factor"]
+    assert all(SECOND_ORDER not in one.sensitivities for one in scale)
+    whole = results_of(Bench(9).data())
+    assert all(SECOND_ORDER not in one.sensitivities for one in whole.estimates)
