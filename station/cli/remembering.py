@@ -47,13 +47,19 @@ def standing_alarms(bench: str, runs: Path) -> list[Warned]:
 
 
 def remember(folder: Path) -> None:
-    """Take a run that has ended into the history, and say what alarm it raises."""
-    if not is_kept(folder.parent):
+    """Take a run that has ended into the history, and say what alarm it raises.
+
+    A run of a check standard begins the history where nobody keeps one: its chart is the history's.
+    """
+    begins = not is_kept(folder.parent)
+    if begins and not of_check_standard(folder):
         return
     from station.history.store import History
 
     try:
         with closing(History(folder.parent)) as history:
+            if begins:
+                history.take_in()
             history.take_one(folder)
             raised = alarms_standing(history, lambda entry: entry.run == folder.name)
     except StationError as error:
@@ -61,6 +67,16 @@ def remember(folder: Path) -> None:
         return
     for alarm in raised:
         tell(f"WARNING: this run raises alarm {alarm.identity}: {alarm.sentence()}")
+
+
+def of_check_standard(folder: Path) -> bool:
+    """Whether the plan of a run measures a check standard of the bench."""
+    from station.history.summary import summary_of
+
+    try:
+        return bool(summary_of(folder).run["check_standard"])
+    except StationError:
+        return False
 
 
 def alarms_standing(history: History, of: Callable[[Entry], bool]) -> list[Alarm]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from station.cli.analysing import name_unused, new_revision
+from station.cli.verifying import against_history
 from station.console import tell
 from station.errors import InputError
 from station.files.statements import says_something
@@ -217,6 +218,8 @@ def issue_certificate(
     folder = read_run(path)
     if folder.damage.state != "unchanged":
         raise InputError(f"{path.name}: no certificate is issued: {folder.damage.sentence()}")
+    for altered in against_history(path):
+        raise InputError(f"{path.name}: no certificate is issued: {altered}")
     issues = issues_of(folder.events)
     refuse_second(issues, replaces)
     from station.report.certificate import amendment_of, certificate_of_run, content_of, sheet_of

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
+import re
+import unicodedata
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
@@ -11,7 +13,13 @@ from station.clock import local_time, utc_today
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where, leaves
 
-TO_BE_WRITTEN = ("fixme", "tbd", "todo", "xxx")
+TO_BE_WRITTEN = re.compile(
+    "0|fixme|na|nil|none|notapplicable|notknown|null|tba|tbc|tbd|tobeconfirmed|tobedefined|"
+    "tobedetermined|todo|unknown|xx+|不详|不适用|待定|待填|无|暂无|未知"
+)
+"""What stands where nothing is written yet, its letters and digits alone, in small letters."""
+INVISIBLE = "\u115f\u1160\u3164\uffa0"
+"""Letters that print nothing."""
 OF_PLAN = ("operator", "customer", "references", "deviations", "dut", "room")
 """Keys of a plan that stand on a certificate."""
 
@@ -19,9 +27,18 @@ OF_PLAN = ("operator", "customer", "references", "deviations", "dut", "room")
 def says_something(text: str) -> bool:
     """Tell whether a text has a letter or a digit, and is no mark of what is still to be written.
 
-    A letter of any script counts.
+    A letter of any script counts that prints something. A name in angle brackets is such a mark, as
+    templates have it.
     """
-    return any(map(str.isalnum, text)) and text.strip().casefold() not in TO_BE_WRITTEN
+    bare = text.strip()
+    if bare.startswith("<") and bare.endswith(">"):
+        return False
+    letters = "".join(
+        letter
+        for letter in unicodedata.normalize("NFKC", bare).casefold()
+        if letter.isalnum() and letter not in INVISIBLE
+    )
+    return bool(letters) and not TO_BE_WRITTEN.fullmatch(letters)
 
 
 def statements_of_plan(document: Document) -> Iterator[Fault]:

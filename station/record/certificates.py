@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from station.console import tell
-from station.errors import DamagedRecord, InputError, StationError
-from station.record.events import ISSUED, Event, read_events
+from station.errors import DamagedRecord, InputError, RecordError, StationError
+from station.record.events import ISSUED, Event, head_of, read_events
 from station.record.files import A_COPY, not_written, sync_data, sync_folder
 from station.record.later import record_later
 from station.record.layout import CERTIFICATES, DRAFT, EVENTS, issued_file
@@ -117,7 +117,16 @@ def keep(folder: Path, issue: Issue, pdf: bytes) -> str:
 
     digest = hashlib.sha256(pdf).hexdigest()
     details = {**asdict(issue), "languages": list(issue.languages), "file": issue.file}
-    return record_later(folder, ISSUED, details, write, added={issue.file: digest}, after=name)
+    try:
+        return record_later(folder, ISSUED, details, write, added={issue.file: digest}, after=name)
+    except RecordError as error:
+        if issue.number not in issues_of(tuple(read_events(folder / EVENTS))):
+            raise
+        tell(
+            f"WARNING: the certificate is issued, but the manifest was not renewed, which the next "
+            f"analysis of the run does: {error}"
+        )
+        return head_of(folder)
 
 
 def _complete(draft: Path, folder: Path) -> None:

@@ -68,12 +68,12 @@ class AppendOnlyFile:
             self._file.seek(self._whole)
 
 
-def write_whole_file(path: Path, data: bytes) -> None:
+def write_whole_file(path: Path, data: bytes, otherwise: str = ANOTHER_DISK) -> None:
     """Write a file that is there whole or not at all, on disk when this returns.
 
     Raises RecordError; an older file of the name then stays as it was.
     """
-    with replaced(path) as part:
+    with replaced(path, otherwise) as part:
         part.write_bytes(data)
 
 
@@ -83,7 +83,7 @@ def replaced(path: Path, otherwise: str = ANOTHER_DISK, *, parents: bool = False
 
     Raises RecordError where it cannot be written; an older file of the name then stays.
     """
-    part = path.with_name(f".{path.name}.part")
+    part = part_of(path)
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -98,6 +98,11 @@ def replaced(path: Path, otherwise: str = ANOTHER_DISK, *, parents: bool = False
         if isinstance(error, OSError):
             raise not_written(path, error, otherwise) from error
         raise
+
+
+def part_of(path: Path) -> Path:
+    """Return where a file is written before it takes its place; a kill may leave it there."""
+    return path.with_name(f".{path.name}.part")
 
 
 def sync_data(descriptor: int) -> None:

@@ -32,7 +32,7 @@ from station.record.events import (
     Event,
     read_events,
 )
-from station.record.files import is_own_file
+from station.record.files import is_own_file, part_of
 from station.record.later import OWN_REVISION, named_revisions, revisions_of
 from station.record.layout import (
     BENCH,
@@ -367,7 +367,7 @@ def _added_files(path: Path, known: Mapping[str, str]) -> Iterator[str]:
         name = file.relative_to(path).as_posix()
         if name.partition("/")[0] in NOT_COVERED or name == MANIFEST or file.is_dir():
             continue
-        if is_draft(name):
+        if is_draft(name) or (name == part_of(Path(MANIFEST)).name and not file.is_symlink()):
             continue
         if file.is_symlink():
             yield f"{file} is a link: the run makes none"

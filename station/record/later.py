@@ -18,7 +18,7 @@ from station.console import tell
 from station.errors import RecordError
 from station.files.locks import FileLock, LockHeld, remove_if_free
 from station.record.events import RESUMED, REVISED, Event, EventLog, read_events
-from station.record.files import is_own_file, sync_folder
+from station.record.files import A_COPY, is_own_file, sync_folder
 from station.record.layout import (
     DRAFT,
     EVENTS,
@@ -234,7 +234,7 @@ def _renew_manifest(folder: Path, added: Mapping[str, str]) -> None:
     """Let the manifest, where the run left one, name the log as it is now, and what was added."""
     if (folder / MANIFEST).is_file():
         files = {**covered_files(folder), **added, EVENTS: file_hash(folder / EVENTS)}
-        write_manifest(folder, files)
+        write_manifest(folder, files, A_COPY)
 
 
 @contextmanager

@@ -20,7 +20,14 @@ from typing import Any
 from station import __version__
 from station.errors import DamagedRecord, RecordError
 from station.files.locks import FileLock
-from station.record.files import sync_folder, write_whole_file
+from station.record.files import (
+    A_COPY,
+    ANOTHER_DISK,
+    READ_ONLY,
+    not_written,
+    sync_folder,
+    write_whole_file,
+)
 
 EVENTS = "events.jsonl"
 RAW = "raw"
@@ -172,10 +179,12 @@ def issued_file(folder: Path, name: str) -> Path:
     return draft if name.startswith(f"{CERTIFICATES}/") and not file.exists() else file
 
 
-def write_manifest(folder: Path, files: Mapping[str, str] | None = None) -> None:
+def write_manifest(
+    folder: Path, files: Mapping[str, str] | None = None, otherwise: str = ANOTHER_DISK
+) -> None:
     """Write the manifest of `folder`, of its files as they are unless their SHA-256 are given."""
     files = hashes_of_files(folder) if files is None else files
-    write_whole_file(folder / MANIFEST, manifest_text(files).encode())
+    write_whole_file(folder / MANIFEST, manifest_text(files).encode(), otherwise)
 
 
 def manifest_text(files: Mapping[str, str]) -> str:
@@ -221,6 +230,8 @@ def run_lock(folder: Path) -> FileLock:
     try:
         return FileLock(folder / LOCK)
     except OSError as error:
+        if error.errno in READ_ONLY:
+            raise not_written(folder / LOCK, error, A_COPY) from error
         raise RecordError(
             f"cannot lock {folder / LOCK}: {error.strerror or error}; choose another place, on a "
             "local disk, with --output"

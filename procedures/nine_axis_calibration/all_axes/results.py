@@ -79,7 +79,7 @@ OF_GYROS = Quantity(
     "misalignment", PAIRS, "arcsec", slice(M, SENSOR), ARCSEC_PER_RAD, ACCELEROMETERS
 )
 SECOND_ORDER_SEEN = 50.0
-"""In ug/g^2: a second order that nobody states counts where one of this size moves a result by u."""
+"""In ug/g^2: a second order that nobody states counts where so large a one moves a result by u."""
 BY_FORCE = (PER_G, EVERY, "deg/h/g")
 OF_MAGNETOMETER = ((OFFSET, AXES, "nT"), (SCALE, AXES, "1"), (LEAN, PAIRS, "arcsec"))
 Shared = tuple[Estimate, Mapping[str, float]]

@@ -123,6 +123,16 @@ def test_nobody_keeps_a_history_unasked(tmp_path: Path) -> None:
         History(tmp_path / "nowhere")
 
 
+def test_a_check_standard_begins_the_history_with_the_runs_that_are_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    standards(tmp_path, STEADY)
+    assert not (tmp_path / FILE).exists()
+    remember(made_run(tmp_path, 30, 1.2, serial="STD", standard=True))
+    assert "this run raises alarm" in capsys.readouterr().err
+    assert standing_alarms("sim", tmp_path)
+
+
 def of_first_version(parent: Path, *folders: Path) -> None:
     """Make a history as the first version kept it, with a row for each folder."""
     with closing(sqlite3.connect(parent / FILE)) as database:

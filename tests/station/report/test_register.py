@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import shutil
@@ -19,8 +20,11 @@ from station.cli.looking import list_what_there_is
 from station.cli.reporting import NOT_ISSUED, issue_certificate, remake_report
 from station.cli.verifying import verified_run, verify_runs
 from station.errors import DamagedRecord, InputError, StationError
+from station.files.statements import says_something
+from station.record import layout
 from station.record.certificates import Issue, in_force, issues_of, keep, kept_pdf
 from station.record.events import ISSUED, head_of, read_events
+from station.record.files import not_written
 from station.record.folder import RunFolder
 from station.record.layout import CERTIFICATES, EVENTS, MANIFEST, covered_files, write_manifest
 from station.record.signatures import new_key, sign
@@ -45,6 +49,7 @@ for step in range(1, 200):
             global count
             count += event in steps
             if count == step:
+                count = 1000  # a kill is an event, too
                 os.kill(os.getpid(), signal.SIGKILL)
         sys.addaudithook(hook)
         keep(copy, Issue("N-1", "2026-03-01", "", "", ("en",), "c", "r"), b"%PDF" * 5000)
@@ -286,3 +291,52 @@ def test_a_killed_issue_leaves_nothing_or_a_whole_certificate(run: Path, tmp_pat
             FIRST.file,
         }, MANIFEST
     assert len(left) > 8 and {*left.values()} == {False, True}
+
+
+def test_what_a_kill_leaves_of_a_new_manifest_is_no_damage(run: Path) -> None:
+    (run / f".{MANIFEST}.part").write_bytes(b"{")
+    assert verify(run).state == "unchanged"
+    (run / ".other.json.part").write_bytes(b"{")
+    assert verify(run).changed
+
+
+def test_a_certificate_whose_manifest_is_not_renewed_is_issued(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(path: Path, data: bytes, otherwise: str) -> None:
+        raise not_written(path, OSError(errno.ENOSPC, "No space left on device"), otherwise)
+
+    monkeypatch.setattr(layout, "write_whole_file", full)
+    head = keep(run, FIRST, b"%PDF 1")
+    said = capsys.readouterr().err
+    assert "is issued" in said and "--output" not in said
+    assert head == head_of(run)
+    assert [only.number for only in issued(run)] == ["N-1"]
+    assert not verify(run).changed
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        " . ",
+        "n/a",
+        "N/A",
+        "TBD.",
+        "to be defined",
+        "xx",
+        "-",
+        "待定",
+        "TBD\u200b",
+        "\u3164",
+        "<name>",
+        "0",
+    ],
+)
+def test_what_stands_for_nothing_says_nothing(text: str) -> None:
+    assert not says_something(text)
+
+
+@pytest.mark.parametrize("text", ["A", "7", "x", "室温计", "NA-17", "XX-1", "No damage"])
+def test_a_short_word_says_something(text: str) -> None:
+    assert says_something(text)
