@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from station.decision import Decision, Limit, Rule, Verdict, conformity, decide, overall
@@ -22,6 +22,18 @@ LIMIT_WITHOUT_RESULT = "limit-without-result"
 WITHOUT_RESULT: Verdict = "inconclusive"
 WRONG_EXCITATION = "wrong-excitation"
 """The flag of a field that is not the commanded one: there is no verdict on the device."""
+UNCALIBRATED = "uncalibrated"
+OUTSIDE_RANGE = "outside-certified-range"
+UNSAFE = "safe-state-unverified"
+WITHHOLDING = (
+    WRONG_EXCITATION,
+    UNCALIBRATED,
+    OUTSIDE_RANGE,
+    UNSAFE,
+    "data-damaged",
+    "run-goes-on",
+)
+"""Flags with which no single result counts as within its limit."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +83,20 @@ class Result:
         if combined:
             data["budget"] = [line.to_data() for line in combined.budget]
         return {**data, **estimate.extra}
+
+    def withheld(self, flags: Iterable[Flag]) -> Result:
+        """Return the result as it counts with these flags: not within its limit where they deny it.
+
+        After a wrong excitation it is not outside either. No probability of conformity is left.
+        """
+        codes = {flag.code for flag in flags}
+        why = next((code for code in WITHHOLDING if code in codes), None)
+        if why is None or self.limit is None:
+            return self
+        decision = self.decision
+        if why == WRONG_EXCITATION or decision.verdict == "pass":
+            decision = Decision("inconclusive", why)
+        return replace(self, decision=decision, conformity=None)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Result:
@@ -126,12 +152,16 @@ class ResultDocument:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> ResultDocument:
-        """Return the document that `to_data` wrote; raises KeyError or TypeError."""
+        """Return the document that `to_data` wrote; raises KeyError or TypeError.
+
+        Results of before flags withheld them are withheld.
+        """
+        flags = [Flag.of(entry) for entry in data["flags"]]
         return cls(
             data["procedure"],
-            [Result.of(entry) for entry in data["results"]],
+            [Result.of(entry).withheld(flags) for entry in data["results"]],
             [Published(**entry) for entry in data["as_published"]],
-            [Flag.of(entry) for entry in data["flags"]],
+            flags,
             data["verdict"],
             Covariance.of(data["covariance"]) if "covariance" in data else None,
         )
@@ -155,44 +185,51 @@ def conclude(
     limits: Mapping[tuple[str, str | None], Limit],
     rule: Rule,
     *,
-    bench_safe: bool = True,
-    data_whole: bool = True,
-    calibrated: bool = True,
     measured: Mapping[str, tuple[str, ...]] | None = None,
 ) -> ResultDocument:
     """Combine uncertainties, hold each result against its limit, and give the verdict.
 
     `limits` is keyed by result name and axis. `measured` says which axes the plan measures of those
-    results of which it leaves some out; limits of the others hold for nothing. A bench whose safe
-    state was not verified, data of which a part is damaged, a calibration record that is not there
-    and a limit whose result is not there cannot pass: the verdict is then at best inconclusive.
+    results of which it leaves some out; limits of the others hold for nothing. With a flag of
+    `WITHHOLDING`, and where a limit's result is not there, the verdict is at best inconclusive.
     After a wrong excitation nothing is decided: every verdict is inconclusive.
     """
-    wrong = any(flag.code == WRONG_EXCITATION for flag in findings.flags)
+    codes = {flag.code for flag in findings.flags}
     combined = combine(findings.estimates, findings.inputs)
-    results = []
-    for estimate, uncertainty in zip(findings.estimates, combined, strict=True):
-        limit = limits.get((estimate.name, estimate.axis))
-        expanded = uncertainty.expanded_uncertainty if uncertainty else None
-        decision = decide(estimate.value, expanded, limit, rule)
-        if wrong and limit is not None:
-            decision = Decision("inconclusive", WRONG_EXCITATION)
-        band = (expanded or 0.0) if rule == "guarded" else 0.0
-        likely = None
-        if uncertainty:
-            u, dof = uncertainty.standard_uncertainty, uncertainty.degrees_of_freedom
-            likely = conformity(estimate.value, u, dof, limit)
-        results.append(Result(estimate, uncertainty, limit, decision, band, likely))
+    results = [
+        result_of(
+            estimate, uncertainty, limits.get((estimate.name, estimate.axis)), rule, findings.flags
+        )
+        for estimate, uncertainty in zip(findings.estimates, combined, strict=True)
+    ]
     there = {(estimate.name, estimate.axis) for estimate in findings.estimates}
     lacking = [key for key in limits if key not in there and _is_measured(key, measured or {})]
     verdicts = [*(result.decision.verdict for result in results), *(WITHOUT_RESULT,) * len(lacking)]
     verdict = overall(verdicts)
-    decided = verdict == "pass" or (verdict == "none" and bool(limits))
-    if wrong or (not (bench_safe and data_whole and calibrated) and decided):
+    unasked = verdict == "none" and (WRONG_EXCITATION in codes or bool(limits))
+    if unasked and not codes.isdisjoint(WITHHOLDING):
         verdict = "inconclusive"
     flags = [*findings.flags, *(_without_result(*key, limits[key]) for key in lacking)]
     related = covariance_of(findings.estimates, findings.inputs, findings.covariance)
     return ResultDocument(procedure, results, findings.published, flags, verdict, related)
+
+
+def result_of(
+    estimate: Estimate,
+    combined: Combined | None,
+    limit: Limit | None,
+    rule: Rule,
+    flags: Iterable[Flag],
+) -> Result:
+    """Return an estimate held against its limit, as it counts with these flags."""
+    expanded = combined.expanded_uncertainty if combined else None
+    decision = decide(estimate.value, expanded, limit, rule)
+    band = (expanded or 0.0) if rule == "guarded" else 0.0
+    likely = None
+    if combined:
+        u, dof = combined.standard_uncertainty, combined.degrees_of_freedom
+        likely = conformity(estimate.value, u, dof, limit)
+    return Result(estimate, combined, limit, decision, band, likely).withheld(flags)
 
 
 def _is_measured(key: tuple[str, str | None], measured: Mapping[str, tuple[str, ...]]) -> bool:

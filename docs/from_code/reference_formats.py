@@ -14,7 +14,7 @@ from tables import code, table
 
 from station.decision import Limit
 from station.findings import Estimate, Findings, Flag, InputQuantity, Published
-from station.results import conclude
+from station.results import WITHHOLDING, conclude
 
 PLACES = re.compile(r"\{[^{}]*\}")
 """Of a sentence that is declared: where its values come."""
@@ -36,7 +36,8 @@ RESULT_KEYS = {
     "results[].limit": "`min`, `max` or `max_abs` of the plan in this unit, or null",
     "results[].verdict": "the decision on this value",
     "results[].decision": "only where the verdict is inconclusive: `conditional-pass`, "
-    "`conditional-fail`, `undetermined` or `wrong-excitation`",
+    "`conditional-fail`, `undetermined`, or the flag with which nothing counts as within: "
+    + ", ".join(f"`{code}`" for code in WITHHOLDING),
     "results[].budget[]": "the contributions to the standard uncertainty, largest first",
     "results[].budget[].description": "what contributes",
     "results[].budget[].type": "`A` from the data, `B` from elsewhere",
@@ -55,7 +56,7 @@ RESULT_KEYS = {
     "results[].budget[].share": "its part of the combined variance; all of them add to 1",
     "results[].guard_band": "where there is a limit: by how much the value must be inside it",
     "results[].conformity_probability": "where there is a limit: the probability that the quantity "
-    "is within it (JCGM 106, 7.3)",
+    "is within it (JCGM 106, 7.3); null with such a flag",
     "results[].monte_carlo": "only by `--monte-carlo`: what trials of the whole analysis give",
     "results[].monte_carlo.n": "how many trials",
     "results[].monte_carlo.seed": "what their random numbers are made of",
@@ -320,6 +321,7 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
         for end in body.body
         if isinstance(end, ast.Return) and end.value is not None
     }
+    constants = {name: value for _, name, value in assigned} | imported(tree)
     yield from chosen_by_code(tree)
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
@@ -329,11 +331,26 @@ def flags_of(path: Path) -> Iterator[tuple[str, str]]:
         first, *others = node.args
         if node.func.id in WORDED:
             first, others = ast.Constant(WORDED[node.func.id]), node.args
+        if isinstance(first, ast.Name) and first.id.isupper():
+            first = constants.get(first.id, first)
         if isinstance(first, ast.Constant) and isinstance(first.value, str):
             named = {name: value for line, name, value in assigned if line <= node.lineno}
             texts = [meant(one, named, returned) for one in others]
             said = [text for text in map(sentence_of, texts) if " " in text]
-            yield first.value, said[0] if said else ""
+            if said or first is node.args[0]:  # a literal without a sentence is missed by a test
+                yield first.value, said[0] if said else ""
+
+
+def imported(tree: ast.Module) -> dict[str, ast.expr]:
+    """Return the texts that a file imports under names of constants."""
+    texts = {
+        name.name: getattr(importlib.import_module(str(node.module)), name.name, None)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("station.")
+        for name in node.names
+        if name.name.isupper()
+    }
+    return {name: ast.Constant(text) for name, text in texts.items() if isinstance(text, str)}
 
 
 def chosen_by_code(tree: ast.Module) -> Iterator[tuple[str, str]]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from station.decision import conformity, decide, overall
+from station.decision import overall
 from station.errors import InputError
 from station.report.certificate_results import is_convention, listed
+from station.results import result_of
 from station.units import UnitError
 
 if TYPE_CHECKING:
@@ -29,11 +30,17 @@ def not_below_cmc(
     results, raised = [], []
     for result in document.results:
         smallest = cmc_of(laboratory, result)
-        expanded = result.expanded_uncertainty
-        if smallest is None or expanded is None or is_convention(result) or expanded >= smallest:
+        combined = None if is_convention(result) else result.combined
+        if smallest is None or combined is None or combined.expanded_uncertainty >= smallest:
             results.append(result)
             continue
-        results.append(_with_expanded(result, smallest, rule))
+        # At the measurement's own coverage factor.
+        combined = replace(
+            combined,
+            standard_uncertainty=smallest / combined.coverage_factor,
+            expanded_uncertainty=smallest,
+        )
+        results.append(result_of(result.estimate, combined, result.limit, rule, document.flags))
         raised.append(result)
     if not raised:
         return document, ()
@@ -56,20 +63,3 @@ def cmc_of(laboratory: Laboratory | None, result: Result) -> float | None:
         return laboratory.smallest_expanded(estimate.name, estimate.unit)
     except UnitError as error:
         raise InputError(f"`laboratory.cmc.{estimate.name}` of the bench file: {error}") from error
-
-
-def _with_expanded(result: Result, expanded: float, rule: Rule) -> Result:
-    """Return a result with another U at its own coverage factor, and the decision that follows."""
-    combined, value = result.combined, result.estimate.value
-    assert combined is not None
-    u = expanded / combined.coverage_factor
-    decision = result.decision
-    if decision.verdict in ("pass", "fail"):
-        decision = decide(value, expanded, result.limit, rule)
-    return replace(
-        result,
-        combined=replace(combined, standard_uncertainty=u, expanded_uncertainty=expanded),
-        decision=decision,
-        guard_band=expanded if rule == "guarded" else 0.0,
-        conformity=conformity(value, u, combined.degrees_of_freedom, result.limit),
-    )

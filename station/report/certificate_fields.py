@@ -7,8 +7,10 @@ from dataclasses import dataclass, fields
 
 from station.files.statements import says_something
 from station.findings import Flag
+from station.record.events import STANDARD_ALARM
 from station.report.certificate_curves import Table
 from station.report.context import Row
+from station.results import OUTSIDE_RANGE, UNCALIBRATED, UNSAFE
 
 MANDATORY: Mapping[str, tuple[str, str, str]] = {
     "title": ("7.8.2.1 a", "title", "the procedure"),
@@ -47,12 +49,12 @@ MANDATORY: Mapping[str, tuple[str, str, str]] = {
 
 REASONS = (
     "simulated",
-    "uncalibrated",
+    UNCALIBRATED,
     "calibration-overdue",
-    "check-standard-alarm",
-    "outside-certified-range",
+    STANDARD_ALARM,
+    OUTSIDE_RANGE,
     "calibration-unused",
-    "safe-state-unverified",
+    UNSAFE,
     "not-read-back",
     "data-damaged",
 )

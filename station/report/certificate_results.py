@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from station.decision import Decision
 from station.report.html import BADGES, counted, verdict_words
 from station.report.numbers import NOTHING, format_limit, format_with_uncertainty
-from station.results import LIMIT_WITHOUT_RESULT, WRONG_EXCITATION
+from station.results import LIMIT_WITHOUT_RESULT
 
 if TYPE_CHECKING:
     from station.results import Result, ResultDocument
 
-WITHHOLDING = (
-    "uncalibrated",
-    "outside-certified-range",
-    "safe-state-unverified",
-    "data-damaged",
-    "run-goes-on",
-    WRONG_EXCITATION,
-)
-"""Flags after which no single result may count as within its limit."""
 ASSUMED = (
     "The values hold for the device, the conditions and the time of this measurement; they are no "
     "statement on its stability or on other units of the type.",
@@ -37,21 +26,9 @@ def is_convention(result: Result) -> bool:
     return result.combined is not None and result.combined.standard_uncertainty == 0.0
 
 
-def decided(document: ResultDocument) -> Iterator[Result]:
-    """Yield the results with what is decided on each; none is within above what denies them all."""
-    withheld = any(flag.code in WITHHOLDING for flag in document.flags)
-    for result in document.results:
-        if withheld:
-            passed = result.decision.verdict == "pass"
-            decision = Decision("inconclusive") if passed else result.decision
-            yield replace(result, decision=decision, conformity=None)
-        else:
-            yield result
-
-
 def measured(document: ResultDocument) -> Iterator[Result]:
     """Yield the results that are stated with an uncertainty."""
-    for result in decided(document):
+    for result in document.results:
         if result.estimate.value is not None and not is_convention(result):
             yield result
 
@@ -59,7 +36,7 @@ def measured(document: ResultDocument) -> Iterator[Result]:
 def verdict_sentence(document: ResultDocument) -> str:
     """Return the verdict on the whole, and how many results it rests on."""
     words = BADGES[document.verdict][1]
-    verdicts = [result.decision.verdict for result in decided(document) if result.limit]
+    verdicts = [result.decision.verdict for result in document.results if result.limit]
     lacking = sum(flag.code == LIMIT_WITHOUT_RESULT for flag in document.flags)
     if not verdicts and not lacking:
         return words

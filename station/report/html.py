@@ -51,6 +51,11 @@ DETAILS = {
     "conditional-fail": "outside, but by less than U",
     "undetermined": "undetermined",
     "wrong-excitation": "not decided: wrong excitation",
+    "uncalibrated": "not decided: not calibrated",
+    "outside-certified-range": "not decided: outside the certified range",
+    "safe-state-unverified": "not decided: safe state not verified",
+    "data-damaged": "not decided: data damaged",
+    "run-goes-on": "not decided: the run goes on",
 }
 RULES = {
     "simple": "Simple acceptance: the value alone is held against its limit; the uncertainty is "

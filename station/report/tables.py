@@ -16,7 +16,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from station.results import LIMIT_WITHOUT_RESULT, WRONG_EXCITATION
+from station.results import LIMIT_WITHOUT_RESULT, UNSAFE, WRONG_EXCITATION
 
 if TYPE_CHECKING:
     from station.record.folder import RunFolder
@@ -86,7 +86,6 @@ def no_formula(value: object) -> object:
     return f"'{value}" if isinstance(value, str) and value[:1] in tuple("=+-@\t\r") else value
 
 
-UNSAFE = "safe-state-unverified"
 INCOMPLETE = "run-not-complete"
 DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

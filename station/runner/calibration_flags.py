@@ -9,16 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from station.files.faults import listed
 from station.findings import Flag
+from station.results import OUTSIDE_RANGE, UNCALIBRATED
 from station.units import format_quantity
 
 if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.procedure import Procedure
-
-UNCALIBRATED = "uncalibrated"
-OUTSIDE_RANGE = "outside-certified-range"
-NOT_STATED = (UNCALIBRATED, OUTSIDE_RANGE)
-"""Flags of results whose u lacks a part: the verdict is at best inconclusive."""
 
 
 def record_flags(

@@ -34,8 +34,8 @@ from station.record.later import add_own_revision, draft_revision
 from station.record.layout import MANIFEST, write_manifest
 from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
 from station.report.trial_tables import trial_tables
-from station.results import ResultDocument, conclude
-from station.runner.calibration_flags import NOT_STATED, record_flags
+from station.results import UNSAFE, ResultDocument, conclude
+from station.runner.calibration_flags import record_flags
 
 if TYPE_CHECKING:
     from station.dataset_reading import RawDataset
@@ -72,11 +72,10 @@ def evaluate_run(
         with quiet_numbers():
             findings, missing = findings_of_run(folder, plan, bench)
             findings = propagate(findings) if propagate else findings
-        of_records = list(record_flags(procedure, plan.parameters, bench, findings.measured))
         flags = [
             *findings.flags,
             *flags_of_run(folder, bench),
-            *of_records,
+            *record_flags(procedure, plan.parameters, bench, findings.measured),
             *damage.flags(),
             *missing,
         ]
@@ -86,9 +85,6 @@ def evaluate_run(
             findings,
             plan.limits_by_axis(),
             plan.decision_rule,
-            bench_safe=not (folder.goes_on or left_unverified(folder, bench)),
-            data_whole=not damage.parts and not missing,
-            calibrated=all(flag.code not in NOT_STATED for flag in of_records),
             measured=procedure.measured_axes(plan.parameters),
         )
     except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
@@ -134,7 +130,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
         )
     flags.extend(
         Flag(
-            "check-standard-alarm",
+            STANDARD_ALARM,
             f"An alarm of a check standard stood when the run began: {event.details['message']}.",
         )
         for event in folder.events_of(STANDARD_ALARM)
@@ -155,7 +151,7 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
             )
     flags.extend(
         Flag(
-            "safe-state-unverified",
+            UNSAFE,
             f"The safe state of {name} was not verified at the end of the run: {read_back}.",
             details={"instrument": name},
         )

@@ -51,8 +51,7 @@ def document(
     rule: Rule = "guarded",
 ) -> ResultDocument:
     findings = Findings(estimates, [], [Flag(code, code) for code in flags], [], None)
-    calibrated = "uncalibrated" not in flags
-    return conclude("p", findings, limits, rule, calibrated=calibrated)
+    return conclude("p", findings, limits, rule)
 
 
 def test_what_was_set_by_convention_stands_apart_and_what_is_not_determined_is_named() -> None:
@@ -83,7 +82,7 @@ def test_no_result_is_within_above_a_whole_that_something_denies() -> None:
     assert plain[-2:] == ("within", "> 99.9 %")
     denied = document(WHOLE[1], limits=limits, flags=("uncalibrated",))
     (row,) = map(result_row, measured(denied))
-    assert row[-2:] == ("not decided", "")
+    assert row[-2:] == ("not decided: not calibrated", "")
     assert verdict_sentence(denied) == "Not decided. 1 result has a limit: 1 undecided."
 
 

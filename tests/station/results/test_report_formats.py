@@ -17,8 +17,10 @@ from campaign_helpers import station
 from station.decision import Limit, Rule
 from station.findings import Estimate, Findings, Flag, Published
 from station.record.folder import RunFolder
+from station.report.context import ReportContext
+from station.report.html import badge_of, result_rows
 from station.report.tables import csv_of, junit_of
-from station.results import ResultDocument, conclude
+from station.results import WITHHOLDING, WRONG_EXCITATION, ResultDocument, conclude
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +124,31 @@ def test_junit_has_a_test_case_for_each_result_with_a_limit(run: Path) -> None:
         assert case.find("failure") is None and case.find("error") is None
 
 
+@pytest.mark.parametrize("code", WITHHOLDING)
+def test_a_flag_that_denies_the_whole_denies_each_result_in_every_document(
+    run: Path, code: str
+) -> None:
+    details = {"instrument": "gaussmeter", "coil": "x"}
+    denied = document(
+        estimate("IA", 0.02), limit=Limit(max_abs=0.1), flags=(Flag(code, "Why.", details=details),)
+    )
+    assert denied.verdict == "inconclusive"
+    (row,) = csv.DictReader(io.StringIO(csv_of(denied)))
+    assert (row["verdict"], row["decision"]) == ("inconclusive", code)
+    error = cases(junit_of(RunFolder(run), denied))["magnetic_sensitivity IA"].find("error")
+    assert error is not None and error.attrib["type"] == code
+    why = "not exposed" if code == WRONG_EXCITATION else "1 undecided"
+    assert why in badge_of(denied, ReportContext("A run"))["why"]
+    (shown,) = result_rows(denied.results)
+    assert shown["words"].startswith("not decided: ")
+    stored = denied.to_data()
+    assert stored["results"][0]["conformity_probability"] is None
+    # What was stored before results were withheld reads the same.
+    stored["results"][0] |= {"verdict": "pass", "conformity_probability": 1.0}
+    del stored["results"][0]["decision"]
+    assert ResultDocument.of(stored).to_data() == denied.to_data()
+
+
 def test_a_result_outside_its_limit_is_a_failure_with_value_and_limit(run: Path) -> None:
     outside = document(estimate("IA", 0.25), estimate("LA", 0.02), limit=Limit(max_abs=0.1))
     found = cases(junit_of(RunFolder(run), outside))
@@ -148,11 +175,11 @@ def test_a_result_without_a_limit_is_no_test_case(run: Path) -> None:
     assert cases(junit_of(RunFolder(run), document(estimate("IA", 0.25), limit=None))) == {}
 
 
-def test_a_bench_that_was_not_proven_safe_is_an_error_beside_results_that_pass(run: Path) -> None:
+def test_a_bench_that_was_not_proven_safe_is_an_error_beside_its_results(run: Path) -> None:
     flag = Flag("safe-state-unverified", "coil\x00 is on", details={"instrument": "coil_supply.x"})
     passed = document(estimate("IA", 0.02), limit=Limit(max_abs=0.1), flags=(flag,))
     found = cases(junit_of(RunFolder(run), passed))
-    assert found["magnetic_sensitivity IA"].find("error") is None
+    assert found["magnetic_sensitivity IA"].find("error") is not None
     error = found["safe-state-unverified coil_supply.x"].find("error")
     assert error is not None
     assert error.attrib["message"] == "coil� is on"  # no character that XML cannot hold
@@ -170,4 +197,4 @@ def test_a_run_that_did_not_end_is_an_error_beside_what_it_measured(
     assert done.returncode == 0, done.stderr
     found = cases((copy / "exports" / "results.junit.xml").read_text(encoding="utf-8"))
     assert found["run-not-complete"].find("error") is not None
-    assert found["magnetic_sensitivity IA"].find("error") is None
+    assert found["magnetic_sensitivity IA"].find("error") is not None
