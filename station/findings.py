@@ -35,6 +35,11 @@ class Estimate:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     @property
+    def words(self) -> str:
+        """What the value really is, as people read it."""
+        return self.measures.replace("_", " ")
+
+    @property
     def measures(self) -> str:
         """What the value really is: the combination in `terms`, else the name."""
         terms = self.extra.get("terms")

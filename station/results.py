@@ -59,6 +59,11 @@ class Result:
         """The expanded uncertainty (95 %) in the value's unit; None where nothing is determined."""
         return self.combined.expanded_uncertainty if self.combined else None
 
+    @property
+    def by_convention(self) -> bool:
+        """Whether the value was set and not measured: it has no uncertainty."""
+        return self.combined is not None and self.combined.standard_uncertainty == 0.0
+
     def to_data(self) -> dict[str, Any]:
         """Return the entry of `results`; every number is finite or null."""
         estimate, combined = self.estimate, self.combined

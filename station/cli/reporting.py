@@ -180,12 +180,13 @@ def as_issued_now(
 
 def digital_certificate(folder: RunFolder, schema: Path | None) -> bytes:
     """Return the certificate of a run as a dcc, held against a schema where there is one."""
-    from station.report.dcc import dcc_of_run
+    from station.report.certificate import certificate_of_run
+    from station.report.dcc import dcc_of
     from station.report.xml_schema import refuse_invalid
 
     revision = revision_of(folder, drawn=False)
     _, amendment, unissued = as_issued_now(folder, revision)
-    xml, drafts = dcc_of_run(folder, revision.document, amendment, unissued)
+    xml, drafts = dcc_of(certificate_of_run(folder, revision.document, amendment), unissued)
     for reason in drafts:
         tell(f"draft: {reason}")
     if schema is not None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from station.console import tell
 from station.errors import DamagedRecord, InputError, RecordError, StationError
-from station.record.events import ISSUED, Event, head_of, read_events
+from station.record.events import ISSUED, Event, read_events
 from station.record.files import A_COPY, not_written, sync_data, sync_folder
 from station.record.later import record_later
 from station.record.layout import CERTIFICATES, DRAFT, EVENTS, issued_file
@@ -95,7 +95,10 @@ def keep(folder: Path, issue: Issue, pdf: bytes) -> str:
     file = folder / issue.file
     draft = file.with_name(f"{DRAFT}{file.name}")
 
+    heads: list[str] = []
+
     def write(head: str) -> None:
+        heads.append(head)
         refuse_second(issues_of(tuple(read_events(folder / EVENTS))), issue.replaces)
         try:
             file.parent.mkdir(exist_ok=True)
@@ -126,7 +129,7 @@ def keep(folder: Path, issue: Issue, pdf: bytes) -> str:
             f"WARNING: the certificate is issued, but the manifest was not renewed, which the next "
             f"analysis of the run does: {error}"
         )
-        return head_of(folder)
+        return heads[-1]
 
 
 def _complete(draft: Path, folder: Path) -> None:

@@ -88,13 +88,14 @@ class EventLog:
         self._file.close()
 
 
-def head_of(folder: Path, *, own: bool = False) -> str:
-    """Return the head of a run's chain: the SHA-256 of the last whole line of its log.
+def head_of_run(folder: Path) -> str:
+    """Return the head of a run's log that its documents state: the SHA-256 of its last own line.
 
-    `own`: of the last line of the run itself, before what was done with the folder afterwards.
+    What was done with the folder afterwards, such as an evaluation, is in none: a document comes
+    out the same whenever it is made.
     """
     lines = (folder / EVENTS).read_bytes().split(b"\n")[:-1]
-    while own and lines and json.loads(lines[-1])["event"] in RECORDED_LATER:
+    while lines and json.loads(lines[-1])["event"] in RECORDED_LATER:
         lines.pop()
     return hashlib.sha256(lines[-1]).hexdigest() if lines else ""
 

@@ -33,7 +33,7 @@ def budgets_of(results: Sequence[Result]) -> list[dict[str, Any]]:
     """
     groups: dict[Any, list[Result]] = {}
     for result in results:
-        if result.combined is None or result.combined.standard_uncertainty == 0.0:
+        if result.combined is None or result.by_convention:
             continue
         lines = frozenset(_key(line, result.estimate.axis) for line in result.budget)
         key = (result.estimate.measures, result.estimate.unit, lines)
@@ -76,7 +76,7 @@ def _budget(results: Sequence[Result]) -> dict[str, Any]:
     rows.sort(key=lambda row: (-row["largest"], row["place"]))
     estimate = results[0].estimate
     return {
-        "name": estimate.measures.replace("_", " "),
+        "name": estimate.words,
         "axes": axes,
         "unit": estimate.unit,
         "totals": list(totals),

@@ -13,18 +13,22 @@ from station.files.plan import Plan
 from station.findings import NOT_STATED
 from station.instruments.bench import Bench
 from station.procedure import Procedure, procedure_of
-from station.record.events import head_of
+from station.record.events import head_of_run
 from station.record.folder import RunFolder
 from station.record.layout import RAW, covered_files
 from station.record.series import RunSeries
 from station.recorded import read_plan_and_bench
 from station.report.certificate_cmc import not_below_cmc
-from station.report.certificate_curves import curve_tables
-from station.report.certificate_fields import Certificate, messages
+from station.report.certificate_curves import curves_of
+from station.report.certificate_fields import (
+    Certificate,
+    RecordedCondition,
+    RoomCondition,
+    messages,
+)
 from station.report.certificate_results import (
     ASSUMED,
     convention_row,
-    is_convention,
     left_out,
     measured,
     result_row,
@@ -39,6 +43,9 @@ from station.results import ResultDocument
 from station.units import UnitError, parse_as
 
 AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa", "%": "%"}
+AMBIENT_PLACES = 2
+"""Decimal places of what a source recorded."""
+DATE = len("2027-01-31")
 SET_POINT = "set_point"
 """Columns that begin so were commanded, not measured."""
 NO_DEVIATION = "The plan states no deviation from the method."
@@ -60,13 +67,14 @@ def certificate_of_run(
     header, laboratory, facts = plan.header, bench.file.laboratory, folder.run_facts()
     references = dict(header.references)
     cited = references.pop("method", "")
-    ended = time_of_day(facts.get("ended_utc")) or ""
+    started, ended = str(facts["started_utc"]), str(facts.get("ended_utc") or "")
     rows, others = traceability(folder, plan, bench, procedure)
     document, raised = not_below_cmc(document, laboratory, plan.decision_rule)
     certificate = Certificate(
         title=f"Calibration certificate: {procedure.title}",
         laboratory=laboratory.name if laboratory else "",
         address=laboratory.address if laboratory else "",
+        country=(laboratory.country or "") if laboratory else "",
         accreditation=(laboratory.accreditation or "") if laboratory else "",
         location=(laboratory.location or laboratory.address) if laboratory else "",
         number=folder.path.resolve().name,
@@ -81,18 +89,19 @@ def certificate_of_run(
         device=tuple(device_rows(plan)),
         condition=header.dut.condition or "",
         received=str(header.dut.received or ""),
-        tested=f"{time_of_day(facts['started_utc'])} to {ended} UTC" if ended else "",
+        tested=f"{time_of_day(started)} to {time_of_day(ended)} UTC" if ended else "",
+        days=(started[:DATE], (ended or started)[:DATE]),
         issued=str(utc_now().date()),
-        ambient=tuple(ambient_rows(folder)),
-        room=tuple(room_rows(folder, plan)),
+        ambient=tuple(recorded_conditions(folder)),
+        room=tuple(room_conditions(folder, plan)),
         traceability=tuple(rows),
         si_statement=(laboratory.si_statement or "") if laboratory else "",
         other_instruments=tuple(others),
         unstated=tuple(unstated_inputs(document)),
-        results=tuple(result_row(result) for result in measured(document)),
-        conventions=tuple(map(convention_row, filter(is_convention, document.results))),
+        results=tuple(measured(document)),
+        conventions=tuple(result for result in document.results if result.by_convention),
         remarks=(*raised, *left_out(document)),
-        curves=tuple(curve_tables(document, laboratory)),
+        curves=tuple(curves_of(document, laboratory)),
         assumptions=(*procedure.assumptions, *ASSUMED),
         decision_rule=RULES[plan.decision_rule],
         verdict=verdict_sentence(document),
@@ -107,7 +116,7 @@ def certificate_of_run(
         versions=tuple(version_rows(facts)),
         complete=folder.state.measured,
         run=folder.path.resolve().name,
-        head=head_of(folder.path),
+        head=head_of_run(folder.path),
         amendment=amendment,
     )
     return replace(certificate, number=f"{certificate.number}-{digest_of(certificate)}")
@@ -125,7 +134,15 @@ def content_of(certificate: Certificate) -> str:
     Nor does it change by what is done with the folder after its run.
     """
     bare = replace(certificate, number="", issued="", run="", head="", amendment=())
-    content = {**vars(bare), "flags": messages(certificate.flags)}
+    content = {
+        **vars(bare),
+        "ambient": ambient_rows(certificate),
+        "room": room_rows(certificate),
+        "results": [result_row(result) for result in certificate.results],
+        "conventions": [convention_row(result) for result in certificate.conventions],
+        "curves": [table for curves in certificate.curves for table in curves.tables()],
+        "flags": messages(certificate.flags),
+    }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -146,18 +163,35 @@ def device_rows(plan: Plan) -> Iterator[tuple[str, str]]:
     yield "Notes", dut.notes or ""
 
 
-def ambient_rows(folder: RunFolder) -> Iterator[tuple[str, ...]]:
-    """Yield source, smallest, mean and largest value, and unit of each condition recorded."""
+def recorded_conditions(folder: RunFolder) -> Iterator[RecordedCondition]:
+    """Yield the extremes and the mean of each condition that a source of the run recorded."""
     series = RunSeries(folder.path)
     series.look()
     for source, column, values in series.ranges():
         what, _, unit = column.rpartition("_")
         if unit in AMBIENT_UNITS and not what.startswith(SET_POINT):
-            texts = [f"{value:.2f}" for value in values]
-            yield source, what.replace("_", " "), *texts, AMBIENT_UNITS[unit]
+            low, mean, high = (round(value, AMBIENT_PLACES) for value in values)
+            quantity = what.replace("_", " ")
+            yield RecordedCondition(source, quantity, low, mean, high, AMBIENT_UNITS[unit])
 
 
-def room_rows(folder: RunFolder, plan: Plan) -> Iterator[tuple[str, ...]]:
+def ambient_rows(certificate: Certificate) -> list[tuple[str, ...]]:
+    """Return source, quantity, smallest, mean and largest value, unit of each as printed."""
+    return [
+        (
+            condition.source,
+            condition.quantity,
+            *(
+                f"{value:.{AMBIENT_PLACES}f}"
+                for value in (condition.smallest, condition.mean, condition.largest)
+            ),
+            condition.unit,
+        )
+        for condition in certificate.ambient
+    ]
+
+
+def room_conditions(folder: RunFolder, plan: Plan) -> Iterator[RoomCondition]:
     """Yield what a person read of the room: in the plan, or as the answer to a prompt of the run.
 
     Of several answers, as of a run that was resumed, the last one counts.
@@ -169,16 +203,32 @@ def room_rows(folder: RunFolder, plan: Plan) -> Iterator[tuple[str, ...]]:
         if value is None:
             with suppress(UnitError):
                 value = parse_as(answers.get(condition.prompt_id, ""), condition.unit)
-        unit = AMBIENT_UNITS[condition.unit]
-        yield (
+        yield RoomCondition(
             condition.name,
-            "" if value is None else f"{value:g} {unit}",
-            f"{condition.uncertainty:g} {unit}",
+            value,
+            condition.uncertainty,
+            AMBIENT_UNITS[condition.unit],
             read.instrument,
             read.certificate,
             str(read.due),
             plan.operator or "",
         )
+
+
+def room_rows(certificate: Certificate) -> list[tuple[str, ...]]:
+    """Return the conditions of the room as printed."""
+    return [
+        (
+            read.quantity,
+            "" if read.value is None else f"{read.value:g} {read.unit}",
+            f"{read.uncertainty:g} {read.unit}",
+            read.instrument,
+            read.certificate,
+            read.due,
+            read.typed_by,
+        )
+        for read in certificate.room
+    ]
 
 
 def traceability(
@@ -223,9 +273,7 @@ def unstated_inputs(document: ResultDocument) -> Iterator[tuple[str, str]]:
     for result in document.results:
         for line in result.budget:
             if line.source == NOT_STATED:
-                resting.setdefault(line.description, []).append(
-                    result.estimate.measures.replace("_", " ")
-                )
+                resting.setdefault(line.description, []).append(result.estimate.words)
     for what, names in resting.items():
         yield what, ", ".join(dict.fromkeys(names))
 
@@ -281,17 +329,17 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
     )
     deviations = sentences(certificate.deviations or (NO_DEVIATION,))
     yield Section("Method", (pairs(method), replace(deviations, title="Deviations")))
-    decided = certificate.verdict != BADGES["none"][1]
-    yield Section("Results", tuple(result_blocks(certificate, decided=decided)))
+    yield Section("Results", tuple(result_blocks(certificate)))
     yield Section("What the results rest on", (sentences(certificate.assumptions),))
     if certificate.flags:
         yield Section("What the reader must know", (sentences(messages(certificate.flags)),))
     columns = ("Source", "Quantity", "Smallest", "Mean", "Largest", "Unit")
     if certificate.ambient:
-        yield Section("Conditions measured during the run", (grid(columns, certificate.ambient),))
+        rows = ambient_rows(certificate)
+        yield Section("Conditions measured during the run", (grid(columns, rows),))
     if certificate.room:
         read = ("Quantity", "Value", "u", "Read on", "Certificate", "Due", "Typed by")
-        room = [tuple(text or NOTHING for text in row) for row in certificate.room]
+        room = [tuple(text or NOTHING for text in row) for row in room_rows(certificate)]
         yield Section("Conditions of the room", (grid(read, room),))
     yield Section("Traceability", tuple(traceability_blocks(certificate)))
     hashes = grid(("File of the run", "SHA-256"), certificate.hashes)
@@ -303,24 +351,25 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
     yield Section("Authorised by", (Block("signatures", rows=signed or (("", ""),)),))
 
 
-def result_blocks(certificate: Certificate, *, decided: bool) -> Iterator[Block]:
+def is_decided(certificate: Certificate) -> bool:
+    """Tell whether a limit was asked for, and so something is decided."""
+    return certificate.verdict != BADGES["none"][1]
+
+
+def result_blocks(certificate: Certificate) -> Iterator[Block]:
     """Yield the table of results, with the decision where a limit was asked for."""
+    rows, decided = [result_row(result) for result in certificate.results], is_decided(certificate)
     columns = ["Quantity", "Axis", "Value", "U", "k", "Unit"]
     if decided:
         columns += ["Limit", "Decision"]
-    likely = any(row[8] for row in certificate.results)
-    if likely:
+    if any(row[8] for row in rows):
         columns.append("Probability of conformity")
-    width = len(columns) if not likely else 9
     caption = (
         "U = k · u is the expanded uncertainty for a coverage of 95 %, with k from Student's "
         "distribution and the effective degrees of freedom (GUM, annex G). It has two significant "
         "digits, and the value is rounded to it."
     )
-    rows = [row[:width] for row in certificate.results]
-    if likely and not decided:
-        rows = [(*row[:6], row[8]) for row in certificate.results]
-    yield grid(columns, rows, caption)
+    yield grid(columns, [row[: len(columns)] for row in rows], caption)
     if decided:
         yield pairs(
             (("Decision", certificate.verdict), ("Decision rule", certificate.decision_rule))
@@ -329,11 +378,13 @@ def result_blocks(certificate: Certificate, *, decided: bool) -> Iterator[Block]
         yield sentences(("No limit was asked for: this is no statement of conformity.",))
     if certificate.conventions:
         named = ("Quantity", "Axis", "Value", "Unit")
-        yield grid(named, certificate.conventions, title="Set by convention, not measured")
+        set_rows = [convention_row(result) for result in certificate.conventions]
+        yield grid(named, set_rows, title="Set by convention, not measured")
     if certificate.remarks:
         yield sentences(certificate.remarks)
-    for title, names, lines, below in certificate.curves:
-        yield grid(names, lines, below, title)
+    for curves in certificate.curves:
+        for title, names, lines, below in curves.tables():
+            yield grid(names, lines, below, title)
 
 
 def traceability_blocks(certificate: Certificate) -> Iterator[Block]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from station.decision import overall
 from station.errors import InputError
-from station.report.certificate_results import is_convention, listed
+from station.report.certificate_results import listed
 from station.results import result_of
 from station.units import UnitError
 
@@ -30,7 +30,7 @@ def not_below_cmc(
     results, raised = [], []
     for result in document.results:
         smallest = cmc_of(laboratory, result)
-        combined = None if is_convention(result) else result.combined
+        combined = None if result.by_convention else result.combined
         if smallest is None or combined is None or combined.expanded_uncertainty >= smallest:
             results.append(result)
             continue

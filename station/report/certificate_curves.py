@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from station.report.certificate_cmc import cmc_of
@@ -19,40 +20,96 @@ STEPS_DEGC = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 MOST_ROWS = 12
 FINER = 2
 """So many more digits than U have the coefficients."""
+HOLDS_WITHIN = (
+    "The curve y over the temperature T of its thermometer, in degC. It holds within this range "
+    "and nowhere else."
+)
 
 
-def curve_tables(document: ResultDocument, laboratory: Laboratory | None = None) -> Iterator[Table]:
-    """Yield formula and table of each result that is a Chebyshev curve over temperature.
+@dataclass(frozen=True)
+class Point:
+    """A curve at a temperature, with its expanded uncertainty there, in its unit."""
 
-    No U of a table is below the CMC of its laboratory.
+    temperature_degC: float
+    value: float
+    expanded: float
+    coverage_factor: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A result over temperature: its formula in t, t of the temperature T, and its points.
+
+    There are points where U is known along it.
+    """
+
+    axis: str | None
+    formula: str
+    scaled: str
+    span: str
+    points: tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """The curves of all axes of a result, with points at the same temperatures."""
+
+    name: str
+    unit: str
+    curves: tuple[Curve, ...]
+
+    def tables(self) -> Iterator[Table]:
+        """Yield the formulas as a table, then the points where there are any."""
+        columns = ("Axis", f"y in {self.unit}", "t", "T in degC")
+        rows = tuple((c.axis or "", c.formula, c.scaled, c.span) for c in self.curves)
+        yield f"{self.name} over temperature", columns, rows, HOLDS_WITHIN
+        known = [curve for curve in self.curves if curve.points]
+        if known:
+            yield self._values(known)
+
+    def _values(self, known: Sequence[Curve]) -> Table:
+        axes = [curve.axis or "y" for curve in known]
+        columns = ("T in degC", *(text for axis in axes for text in (axis, f"U({axis})")))
+        rows = []
+        for points in zip(*(curve.points for curve in known), strict=True):
+            each = (format_with_uncertainty(point.value, point.expanded) for point in points)
+            temperature = typeset(f"{points[0].temperature_degC:g}")
+            rows.append((temperature, *(text for texts in each for text in texts)))
+        caption = (
+            f"Values and U in {self.unit}. U holds at each temperature by itself, for a coverage "
+            "of 95 %; that no part of a whole curve is farther off needs a larger factor."
+        )
+        return f"{self.name} at temperatures", columns, tuple(rows), caption
+
+
+def curves_of(document: ResultDocument, laboratory: Laboratory | None = None) -> Iterator[Curves]:
+    """Yield each result that is a Chebyshev curve over temperature.
+
+    No U of its points is below the CMC of its laboratory.
     """
     curves: dict[str, list[Result]] = {}
     for result in document.results:
         model = result.estimate.extra.get("model")
         if isinstance(model, dict) and model.get("basis") == "chebyshev":
-            curves.setdefault(result.estimate.measures.replace("_", " "), []).append(result)
+            curves.setdefault(result.estimate.words, []).append(result)
     for name, results in curves.items():
-        yield _formulas(name, results)
         known = [result for result in results if result.estimate.extra.get("band")]
-        if known:
-            yield _values(name, known, [cmc_of(laboratory, result) or 0.0 for result in known])
+        heat_degC = _round_temperatures(known) if known else []
+        each = tuple(_curve(result, heat_degC, laboratory) for result in results)
+        yield Curves(name, results[0].estimate.unit, each)
 
 
-def _formulas(name: str, results: Sequence[Result]) -> Table:
-    rows = []
-    for result in results:
-        low, high = result.estimate.extra["model"]["domain"]
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        sign = "+" if middle < 0 else "−"
-        scaled = f"t = (T {sign} {abs(middle):.6g})/{half:.6g}"
-        span = f"{low:.1f} … {high:.1f}".replace("-", "−")
-        rows.append((result.estimate.axis or "", _polynomial(result), scaled, span))
-    columns = ("Axis", f"y in {results[0].estimate.unit}", "t", "T in degC")
-    caption = (
-        "The curve y over the temperature T of its thermometer, in degC. It holds within this "
-        "range and nowhere else."
-    )
-    return f"{name} over temperature", columns, tuple(rows), caption
+def _curve(result: Result, heat_degC: Sequence[float], laboratory: Laboratory | None) -> Curve:
+    low, high = result.estimate.extra["model"]["domain"]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    sign = "+" if middle < 0 else "−"
+    scaled = f"t = (T {sign} {abs(middle):.6g})/{half:.6g}"
+    span = f"{low:.1f} … {high:.1f}".replace("-", "−")
+    points: tuple[Point, ...] = ()
+    if result.estimate.extra.get("band"):
+        cmc = cmc_of(laboratory, result) or 0.0
+        points = tuple(_point(result, temperature_degC, cmc) for temperature_degC in heat_degC)
+    return Curve(result.estimate.axis, _polynomial(result), scaled, span, points)
 
 
 def _polynomial(result: Result) -> str:
@@ -78,28 +135,15 @@ def _expanded(result: Result) -> list[float]:
     return band.get("expanded_uncertainty", [])
 
 
-def _values(name: str, results: Sequence[Result], smallest: Sequence[float]) -> Table:
-    """Return the curves with U at round temperatures that all of them have."""
-    unit = results[0].estimate.unit
+def _round_temperatures(results: Sequence[Result]) -> list[float]:
+    """Return round temperatures in degC that all curves have."""
     low = max(result.estimate.extra["model"]["domain"][0] for result in results)
     high = min(result.estimate.extra["model"]["domain"][1] for result in results)
     step = next((step for step in STEPS_DEGC if (high - low) / step < MOST_ROWS), STEPS_DEGC[-1])
-    first, last = math.ceil(low / step), math.floor(high / step)
-    axes = [result.estimate.axis or "y" for result in results]
-    columns = ["T in degC", *(text for axis in axes for text in (axis, f"U({axis})"))]
-    rows = []
-    for temperature_degC in (step * n for n in range(first, last + 1)):
-        each = zip(results, smallest, strict=True)
-        texts = (text for result, cmc in each for text in _at(result, temperature_degC, cmc))
-        rows.append((typeset(f"{temperature_degC:g}"), *texts))
-    caption = (
-        f"Values and U in {unit}. U holds at each temperature by itself, for a coverage of 95 %; "
-        "that no part of a whole curve is farther off needs a larger factor."
-    )
-    return f"{name} at temperatures", tuple(columns), tuple(rows), caption
+    return [step * n for n in range(math.ceil(low / step), math.floor(high / step) + 1)]
 
 
-def _at(result: Result, temperature_degC: float, cmc: float) -> tuple[str, str]:
+def _point(result: Result, temperature_degC: float, cmc: float) -> Point:
     """Return a curve and its U at a temperature, that of the thermometer included."""
     import numpy as np
     from numpy.polynomial import Chebyshev
@@ -115,5 +159,6 @@ def _at(result: Result, temperature_degC: float, cmc: float) -> tuple[str, str]:
     u_degC = math.hypot(
         *(line.standard_uncertainty or 0.0 for line in result.budget if line.unit == "degC")
     )
-    whole = expanded / standard * math.hypot(standard, by_degC * u_degC) if standard else expanded
-    return format_with_uncertainty(float(curve(temperature_degC)), max(whole, cmc))
+    factor = expanded / standard if standard else 1.0
+    whole = factor * math.hypot(standard, by_degC * u_degC) if standard else expanded
+    return Point(temperature_degC, float(curve(temperature_degC)), max(whole, cmc), factor)

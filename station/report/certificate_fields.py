@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields
 from station.files.statements import says_something
 from station.findings import Flag
 from station.record.events import STANDARD_ALARM
-from station.report.certificate_curves import Table
+from station.report.certificate_curves import Curves
 from station.report.context import Row
-from station.results import OUTSIDE_RANGE, UNCALIBRATED, UNSAFE
+from station.results import OUTSIDE_RANGE, UNCALIBRATED, UNSAFE, Result
 
 MANDATORY: Mapping[str, tuple[str, str, str]] = {
     "title": ("7.8.2.1 a", "title", "the procedure"),
@@ -62,21 +62,51 @@ REASONS = (
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """The fields of a certificate as texts and rows; what is empty is missing.
+class RecordedCondition:
+    """A condition that a source of the run recorded, as it is stated."""
 
-    `room` has name, value, standard uncertainty, instrument, certificate, due and who typed it.
-    `traceability` has a row for each instrument that the results rest on: name, model and serial,
-    certificate, date, due, who calibrated it. `unstated` has what results depend on and nobody
-    states, and those results. `results` has name, axis, value, U, k, unit, limit, verdict and
-    probability of conformity; `conventions` those that were set and not measured, and `remarks`
-    says in sentences which the data do not determine, and whose U is the CMC. `head` is that of the
-    log when it was made; `amendment` says which certificate it replaces, and why.
+    source: str
+    quantity: str
+    smallest: float
+    mean: float
+    largest: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class RoomCondition:
+    """A condition of the room, its standard uncertainty, what read it, and who typed it.
+
+    A value that nobody typed is None.
+    """
+
+    quantity: str
+    value: float | None
+    uncertainty: float
+    unit: str
+    instrument: str
+    certificate: str
+    due: str
+    typed_by: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The fields of a certificate before they are set; what is empty is missing.
+
+    HTML, PDF and the digital certificate all draw from it. `days` are the first and the last of
+    the test. `traceability` has a row for each instrument that the results rest on: name, model and
+    serial, certificate, date, due, who calibrated it. `unstated` has what results depend on and
+    nobody states, and those results. `results` are those that were measured, no U below the CMC;
+    `conventions` those that were set and not measured, and `remarks` says in sentences which the
+    data do not determine, and whose U is the CMC. `head` is that of the run's log; `amendment` says
+    which certificate it replaces, and why.
     """
 
     title: str
     laboratory: str
     address: str
+    country: str
     accreditation: str
     location: str
     number: str
@@ -92,17 +122,18 @@ class Certificate:
     condition: str
     received: str
     tested: str
+    days: tuple[str, str]
     issued: str
-    ambient: tuple[tuple[str, ...], ...]
-    room: tuple[tuple[str, ...], ...]
+    ambient: tuple[RecordedCondition, ...]
+    room: tuple[RoomCondition, ...]
     traceability: tuple[tuple[str, ...], ...]
     si_statement: str
     other_instruments: tuple[str, ...]
     unstated: tuple[Row, ...]
-    results: tuple[tuple[str, ...], ...]
-    conventions: tuple[tuple[str, ...], ...]
+    results: tuple[Result, ...]
+    conventions: tuple[Result, ...]
     remarks: tuple[str, ...]
-    curves: tuple[Table, ...]
+    curves: tuple[Curves, ...]
     assumptions: tuple[str, ...]
     decision_rule: str
     verdict: str
@@ -129,22 +160,22 @@ class Certificate:
                 f"The device was received on {self.received}, and tested on {tested_on} "
                 "(7.8.2.1 h): `dut.received` of the plan."
             )
-        for name, value, _, instrument, _, due, _ in self.room:
-            if not value:
+        for read in self.room:
+            if read.value is None:
                 yield (
-                    f"The {name} of the room was not typed (7.8.4.1 b): `room` of the plan, or the "
-                    "answer to the run's prompt."
+                    f"The {read.quantity} of the room was not typed (7.8.4.1 b): `room` of the "
+                    "plan, or the answer to the run's prompt."
                 )
-            if tested_on > due:
+            if tested_on > read.due:
                 yield (
-                    f"The room was read on {instrument}, whose calibration was due on {due} "
-                    "(7.8.4.1 c)."
+                    f"The room was read on {read.instrument}, whose calibration was due on "
+                    f"{read.due} (7.8.4.1 c)."
                 )
         for row in self.traceability:
             if row[3] > tested_on > "":
                 yield (
-                    f"The calibration of {row[0]} is of {row[3]}, after the test: the record that "
-                    "held on that day is missing (7.8.4.1 c): `calibration` in the bench file."
+                    f"The calibration of {row[0]} is dated {row[3]}, after the test: the record "
+                    "that held on that day is missing (7.8.4.1 c): `calibration` in the bench file."
                 )
             if not all(map(says_something, row)):
                 yield (

@@ -21,15 +21,10 @@ NEARLY_CERTAIN = 0.999
 """A probability of conformity beyond it is stated as a bound: no model is better known."""
 
 
-def is_convention(result: Result) -> bool:
-    """Tell whether a value was set and not measured: it has no uncertainty."""
-    return result.combined is not None and result.combined.standard_uncertainty == 0.0
-
-
 def measured(document: ResultDocument) -> Iterator[Result]:
     """Yield the results that are stated with an uncertainty."""
     for result in document.results:
-        if result.estimate.value is not None and not is_convention(result):
+        if result.estimate.value is not None and not result.by_convention:
             yield result
 
 
@@ -71,7 +66,7 @@ def convention_row(result: Result) -> tuple[str, ...]:
 def name_of(result: Result) -> str:
     """Return what a result measures, in words, and of how many switch-ons."""
     estimate = result.estimate
-    name, switch_ons = estimate.measures.replace("_", " "), estimate.extra.get("switch_ons")
+    name, switch_ons = estimate.words, estimate.extra.get("switch_ons")
     return f"{name} of these {switch_ons} switch-ons" if switch_ons else name
 
 

@@ -17,11 +17,11 @@ from station.report.certificate import (
     NO_DEVIATION,
     ONLY_ITEMS,
     REPRODUCTION,
-    certificate_of_run,
+    is_decided,
 )
-from station.report.certificate_cmc import not_below_cmc
+from station.report.certificate_curves import Curve, Curves
 from station.report.certificate_fields import Certificate, messages
-from station.report.certificate_results import measured, probability_text
+from station.report.certificate_results import convention_row, name_of, probability_text
 from station.report.html import verdict_words
 from station.report.numbers import format_limit, format_with_uncertainty
 from station.report.si_units import si_unit
@@ -29,8 +29,7 @@ from station.report.tables import DECLARATION, clean
 from station.uncertainty import COVERAGE_PERCENT
 
 if TYPE_CHECKING:
-    from station.record.folder import RunFolder
-    from station.results import Result, ResultDocument
+    from station.results import Result
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
@@ -53,26 +52,14 @@ for _prefix, _namespace in (("dcc", DCC), ("si", SI), ("xsi", XSI)):
     ET.register_namespace(_prefix, _namespace)
 
 
-def dcc_of_run(
-    folder: RunFolder,
-    document: ResultDocument,
-    amendment: tuple[str, ...] = (),
-    unissued: str = "",
-) -> tuple[bytes, tuple[str, ...]]:
-    """Return the certificate of a run as XML, and in sentences why it is a draft.
+def dcc_of(certificate: Certificate, unissued: str = "") -> tuple[bytes, tuple[str, ...]]:
+    """Return a certificate as XML, and in sentences why it is a draft.
 
-    `amendment` says which certificate it replaces; `unissued` why it is not the one in force.
+    `unissued` says why it is not the one in force.
     """
-    from station.recorded import read_plan_and_bench
-
-    certificate = certificate_of_run(folder, document, amendment)
-    plan, bench = read_plan_and_bench(folder)
-    laboratory = bench.file.laboratory
-    document, _ = not_below_cmc(document, laboratory, plan.decision_rule)
-    country = laboratory.country if laboratory else None
+    country = certificate.country
     lacking = (unissued, "" if country else NO_COUNTRY)
     drafts = (*certificate.draft_reasons(), *filter(None, lacking))
-    days = [str(folder.run_facts().get(key) or "")[:10] for key in ("started_utc", "ended_utc")]
     root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=VERSION)
     root.set(f"{{{XSI}}}schemaLocation", SCHEMA_PLACE)
     data = _add(root, "administrativeData")
@@ -85,14 +72,14 @@ def dcc_of_run(
     identified = [
         ("customer", "Order", certificate.order),
         *(("customer", name, text) for name, text in certificate.references),
-        ("calibrationLaboratory", "Run", folder.path.resolve().name),
-        ("calibrationLaboratory", "Head of the run's log (SHA-256)", folder.damage.head),
+        ("calibrationLaboratory", "Run", certificate.run),
+        ("calibrationLaboratory", "Head of the run's log (SHA-256)", certificate.head),
     ]
     _identifications(core, identified)
     if certificate.received:
         _add(core, "receiptDate", certificate.received)
-    _add(core, "beginPerformanceDate", days[0])
-    _add(core, "endPerformanceDate", days[1] or days[0])
+    _add(core, "beginPerformanceDate", certificate.days[0])
+    _add(core, "endPerformanceDate", certificate.days[1])
     _add(core, "performanceLocation", "laboratory")
     _item(_add(_add(data, "items"), "item"), certificate)
     place = _add(data, "calibrationLaboratory")
@@ -111,9 +98,9 @@ def dcc_of_run(
     statements = _add(data, "statements")
     for reason in drafts:
         _statement(statements, f"Draft: {reason}", valid="false")
-    for sentence in _sentences(certificate, document):
+    for sentence in _sentences(certificate):
         _statement(statements, sentence)
-    _measured(_add(_add(root, "measurementResults"), "measurementResult"), certificate, document)
+    _measured(_add(_add(root, "measurementResults"), "measurementResult"), certificate)
     ET.indent(root)
     return f"{DECLARATION}{ET.tostring(root, encoding='unicode')}\n".encode(), drafts
 
@@ -191,16 +178,16 @@ def _contact(contact: ET.Element, name: str, address: str, country: str | None =
     _text(location, "further", address)
 
 
-def _sentences(certificate: Certificate, document: ResultDocument) -> Iterator[str]:
+def _sentences(certificate: Certificate) -> Iterator[str]:
     """Yield what the certificate states: deviations, flags, decision, what was left out."""
     yield from certificate.amendment
     yield from certificate.deviations or (NO_DEVIATION,)
     yield from messages(certificate.flags)
-    if any(result.limit for result in document.results):
+    if is_decided(certificate):
         yield f"Decision rule: {certificate.decision_rule}"
         yield f"Decision: {certificate.verdict}"
     yield from certificate.remarks
-    for what, axis, value, unit, *_ in certificate.conventions:
+    for what, axis, value, unit in map(convention_row, certificate.conventions):
         named = " ".join(filter(None, (what, axis, value, unit if unit != "1" else "")))
         yield f"Set by convention, not measured: {named}."
     yield from certificate.assumptions
@@ -213,11 +200,13 @@ def _sentences(certificate: Certificate, document: ResultDocument) -> Iterator[s
     yield from (ONLY_ITEMS, REPRODUCTION)
 
 
-def _measured(parent: ET.Element, certificate: Certificate, document: ResultDocument) -> None:
+def _measured(parent: ET.Element, certificate: Certificate) -> None:
     """Add method, software, instruments, conditions and results, in the schema's order."""
     _text(parent, "name", certificate.title)
     method = _add(_add(parent, "usedMethods"), "usedMethod")
     _text(method, "name", certificate.method or certificate.title)
+    if certificate.cited:
+        _add(method, "norm", certificate.cited)
     if certificate.work_instruction:
         _add(method, "reference", certificate.work_instruction)
     _software(_add(parent, "usedSoftware"), certificate.versions)
@@ -232,43 +221,84 @@ def _measured(parent: ET.Element, certificate: Certificate, document: ResultDocu
             _add(instrument, "model", model)
             _identifications(instrument, [("other", "Calibration certificate", number)])
     if certificate.room or certificate.ambient:
-        conditions = _add(parent, "influenceConditions")
-        for what, value, u, read_on, *_ in certificate.room:
-            condition = _add(conditions, "influenceCondition")
-            _text(condition, "name", f"{what} ({read_on})")
-            _text(_add(condition, "data"), "text", f"{value}, standard uncertainty {u}")
-        for source, what, *values, unit in certificate.ambient:
-            condition = _add(conditions, "influenceCondition")
-            _text(condition, "name", f"{what} ({source})")
-            data = _add(condition, "data")
-            for word, value in zip(("smallest", "mean", "largest"), values, strict=True):
-                quantity = _add(data, "quantity")
-                _text(quantity, "name", word)
-                _real(quantity, float(value), None, unit)
+        _conditions(_add(parent, "influenceConditions"), certificate)
     results = _add(parent, "results")
-    for result in measured(document):
+    for result in certificate.results:
         _result(_add(results, "result"), result)
+    for curves in certificate.curves:
+        for curve in curves.curves:
+            _curve(_add(results, "result"), curves, curve)
     if not len(results):
         nothing = _add(results, "result")
         _text(nothing, "name", certificate.title)
         _text(_add(nothing, "data"), "text", "These data determine no result.")
 
 
-def _name(result: Result) -> str:
-    estimate = result.estimate
-    return " ".join(filter(None, (estimate.measures.replace("_", " "), estimate.axis)))
+def _conditions(parent: ET.Element, certificate: Certificate) -> None:
+    """Add what was typed of the room, then what sources of the run recorded."""
+    for read in certificate.room:
+        condition = _add(parent, "influenceCondition")
+        _text(condition, "name", f"{read.quantity} ({read.instrument})")
+        if read.value is None:
+            _text(_add(condition, "data"), "text", NOT_STATED)
+            continue
+        quantity = _add(_add(condition, "data"), "quantity")
+        _text(quantity, "name", read.quantity)
+        _real(quantity, read.value, None, read.unit, read.uncertainty)
+    for recorded in certificate.ambient:
+        condition = _add(parent, "influenceCondition")
+        _text(condition, "name", f"{recorded.quantity} ({recorded.source})")
+        data = _add(condition, "data")
+        for word in ("smallest", "mean", "largest"):
+            quantity = _add(data, "quantity")
+            _text(quantity, "name", word)
+            _real(quantity, getattr(recorded, word), None, recorded.unit)
+
+
+def _curve(parent: ET.Element, curves: Curves, curve: Curve) -> None:
+    """Add the formula of a curve, and its values with U at temperatures where U is known."""
+    _text(parent, "name", " ".join(filter(None, (curves.name, curve.axis, "over temperature"))))
+    data = _add(parent, "data")
+    _, names, rows, holds = next(curves.tables())
+    row = rows[curves.curves.index(curve)]
+    stated = "; ".join(": ".join(pair) for pair in zip(names[1:], row[1:], strict=True))
+    _text(data, "text", f"{stated}. {holds}")
+    if not curve.points:
+        return
+    name, factor = si_unit(curves.unit) or (curves.unit, 1.0)
+    points = curve.points
+    texts = [format_with_uncertainty(p.value * factor, p.expanded * factor) for p in points]
+    _list(data, "temperature", r"\degreecelsius", [f"{p.temperature_degC:g}" for p in points])
+    listed = _list(data, curves.name, name, [value for value, _ in texts])
+    univariate = _add(listed, "measurementUncertaintyUnivariateXMLList", space=SI)
+    uncertainty = _add(univariate, "expandedMUXMLList", space=SI)
+    _add(uncertainty, "valueExpandedMUXMLList", " ".join(expanded for _, expanded in texts), SI)
+    factors = " ".join(f"{point.coverage_factor:.2f}" for point in points)
+    _add(uncertainty, "coverageFactorXMLList", factors, SI)
+    _add(uncertainty, "coverageProbabilityXMLList", f"{COVERAGE_PERCENT / 100:g}", SI)
+
+
+def _list(data: ET.Element, name: str, unit: str, values: Sequence[str]) -> ET.Element:
+    """Add a list of numbers in a unit of the D-SI, and return it."""
+    quantity = _add(data, "quantity")
+    _text(quantity, "name", name)
+    listed = _add(quantity, "realListXMLList", space=SI)
+    _add(listed, "valueXMLList", " ".join(values), SI)
+    _add(listed, "unitXMLList", unit, SI)
+    return listed
 
 
 def _result(parent: ET.Element, result: Result) -> None:
     """Add a result with its expanded uncertainty, and the statement of conformity on it."""
     estimate = result.estimate
     assert estimate.value is not None
-    _text(parent, "name", _name(result))
+    name = " ".join(filter(None, (name_of(result), estimate.axis)))
+    _text(parent, "name", name)
     if estimate.holds_at:
         _text(parent, "description", f"at {estimate.holds_at}")
     quantity = _add(_add(parent, "data"), "quantity")
     quantity.set("refType", "basic_measuredValue")
-    _text(quantity, "name", _name(result))
+    _text(quantity, "name", name)
     _real(quantity, estimate.value, result, estimate.unit)
     if result.limit is None:
         return
@@ -292,8 +322,13 @@ def _limits(data: ET.Element, limit: Limit, unit: str) -> None:
             _real(quantity, value, None, unit)
 
 
-def _real(quantity: ET.Element, value: float, result: Result | None, unit: str) -> None:
-    """Add a number in a unit of the D-SI, or as a text where it has no such unit."""
+def _real(
+    quantity: ET.Element, value: float, result: Result | None, unit: str, u: float | None = None
+) -> None:
+    """Add a number in a unit of the D-SI, or as a text where it has no such unit.
+
+    It has the expanded uncertainty of a result, or a standard one.
+    """
     combined = result.combined if result else None
     known = si_unit(unit)
     if known is None:
@@ -305,6 +340,10 @@ def _real(quantity: ET.Element, value: float, result: Result | None, unit: str) 
     if combined is None or not combined.expanded_uncertainty:
         _add(real, "value", f"{value * factor:.15g}", SI)
         _add(real, "unit", name, SI)
+        if u is not None:
+            univariate = _add(real, "measurementUncertaintyUnivariate", space=SI)
+            standard = _add(univariate, "standardMU", space=SI)
+            _add(standard, "valueStandardMU", f"{u * factor:.15g}", SI)
         return
     shown, expanded = format_with_uncertainty(
         value * factor, combined.expanded_uncertainty * factor

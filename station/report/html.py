@@ -191,7 +191,7 @@ def result_rows(results: Sequence[Result]) -> list[dict[str, str]]:
         expanded = result.expanded_uncertainty
         rows.append(
             {
-                "name": _plain(estimate.measures),
+                "name": estimate.words,
                 "at": estimate.holds_at,
                 "axis": estimate.axis or "",
                 "value": value,
@@ -229,7 +229,7 @@ def published_rows(document: ResultDocument) -> list[dict[str, str]]:
                     in_u = f"{(published.value - value) / u:+.1f}".replace("-0.0", "+0.0")
         rows.append(
             {
-                "name": _plain(result.estimate.measures if result else published.name),
+                "name": result.estimate.words if result else published.name.replace("_", " "),
                 "axis": published.axis or "",
                 "published": published_text,
                 "value": text,
@@ -295,10 +295,6 @@ def verdict_words(decision: Decision) -> str:
     if decision.detail is not None:
         return DETAILS.get(decision.detail, decision.detail)
     return VERDICTS[decision.verdict]
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _moment(text: str) -> str:

@@ -9,7 +9,7 @@ from station.fields import to_yaml_data
 from station.instruments.bench import Bench
 from station.parts import Part
 from station.procedure import procedure_of
-from station.record.events import LEFT_FOR_THE_END, Event, head_of
+from station.record.events import LEFT_FOR_THE_END, Event, head_of_run
 from station.record.folder import RunFolder
 from station.record.layout import versions
 from station.recorded import left_unverified, read_plan_and_bench
@@ -82,7 +82,7 @@ def context_of_run(folder: RunFolder) -> ReportContext:
         notes=tuple(notes_of(bench)),
         references=tuple(plan.header.references.items()),
         run=folder.path.resolve().name,
-        head=head_of(folder.path, own=True),
+        head=head_of_run(folder.path),
         laboratory=bench.file.laboratory.name if bench.file.laboratory else "",
     )
 

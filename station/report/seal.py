@@ -1,7 +1,7 @@
 """The seal on paper: the head of a run's log, and its QR code.
 
-A head stands for the run as it was when the paper was made. Held against the folder it says whether
-the run ever was in that state, and what was done since.
+It is that of the run itself, as the run ended. Held against the folder it says whether the run ever
+was in that state, and what was done since.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from station.report.sheet import Block
 SCALE, MARGIN = 8, 4
 """Pixels of a module, and the quiet zone in modules."""
 WHAT_IT_PROVES = (
-    "The head of the log stands for the run as it was when this document was made. The command, "
-    "which is also in the QR code, says whether the run ever was in that state, and what was done "
-    "with it since."
+    "The head of the log stands for the run as it was when it ended. The command, which is also in "
+    "the QR code, says whether the run ever was in that state, and what was done with it since."
 )
 
 

@@ -69,7 +69,7 @@ def workbook_of(folder: RunFolder, document: ResultDocument) -> bytes:
         ("plan", context.plan_name),
         ("bench", context.bench_name),
         ("simulated", context.simulated),
-        ("head_of_log", folder.damage.head),
+        ("head_of_log", context.head),
         *((f"device_{name}", text) for name, text in context.dut.items()),
         *context.references,
         *context.versions,

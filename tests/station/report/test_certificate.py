@@ -17,8 +17,9 @@ from station.errors import InputError, StationError
 from station.findings import Flag
 from station.plots import Line, Panel, Plot
 from station.record.folder import RunFolder
-from station.report.certificate import certificate_of_run, sheet_of
-from station.report.certificate_fields import MANDATORY, REASONS, Certificate
+from station.report.certificate import ambient_rows, certificate_of_run, room_rows, sheet_of
+from station.report.certificate_fields import MANDATORY, REASONS, Certificate, RoomCondition
+from station.report.certificate_results import result_row
 from station.report.pdf import render_pdf
 from station.report.report_sheet import report_sheet
 from station.report.run_report import context_of_run
@@ -98,21 +99,23 @@ def test_each_statement_that_cannot_be_makes_a_draft_and_is_named(issuable: Cert
     sound = replace(issuable, tested=TESTED)
     assert sound.draft_reasons() == ()
     record = sound.traceability[0]
-    read = ("temperature", "21 °C", "0.2 °C", "Testo 622", "K-118", "2027-01-31", "A. Reader")
+    read = RoomCondition(
+        "temperature", 21.0, 0.2, "°C", "Testo 622", "K-118", "2027-01-31", "A. Reader"
+    )
     changes: dict[str, dict[str, Any]] = {
         "condition of the device is missing": {"condition": "."},
         "name of the customer is missing": {"customer": " "},
         "received on 2030-01-01": {"received": "2030-01-01"},
-        "is of 2026-03-01, after the test": {
+        "is dated 2026-03-01, after the test": {
             "traceability": ((*record[:3], "2026-03-01", *record[4:]),)
         },
         f"The calibration record of {record[0]} lacks": {"traceability": ((*record[:5], "-"),)},
         "Nobody states how well this is known, on which bias depends: latitude": {
             "unstated": (("latitude", "bias"),)
         },
-        "temperature of the room was not typed": {"room": ((read[0], "", *read[2:]),)},
+        "temperature of the room was not typed": {"room": (replace(read, value=None),)},
         "Testo 622, whose calibration was due on 2025-01-31": {
-            "room": ((*read[:5], "2025-01-31", read[6]),)
+            "room": (replace(read, due="2025-01-31"),)
         },
     }
     for said, change in changes.items():
@@ -147,10 +150,10 @@ def test_the_room_that_a_person_typed_stands_on_the_certificate(tmp_path: Path) 
     assert (asked["answer"], asked["by"]) == ("45 %", "answers file")
     certificate = certificate_of_run(folder, evaluate_run(folder)[0])
     said = tuple(THERMOMETER.values())
-    assert certificate.room == (
+    assert room_rows(certificate) == [
         ("temperature", "21.3 °C", "0.2 °C", *said, "A. Reader"),
         ("relative humidity", "45 %", "2 %", *said, "A. Reader"),
-    )
+    ]
     assert len(certificate.draft_reasons()) == 1
     assert "Testo 622, 4711" in render_sheet(sheet_of(certificate))
 
@@ -206,9 +209,7 @@ def test_every_page_has_number_page_and_draft_and_all_texts_stand_within_it(
 def test_every_text_of_the_certificate_can_be_read_from_its_pages(issuable: Certificate) -> None:
     text = plain(" ".join(texts_of(render_pdf(sheet_of(issuable)))))
     assert "DRAFT" not in text
-    rows = [
-        row for name in ("results", "traceability", "ambient") for row in getattr(issuable, name)
-    ]
+    rows = [*map(result_row, issuable.results), *issuable.traceability, *ambient_rows(issuable)]
     wanted = [cell for row in [*rows, *issuable.hashes] for cell in row]
     wanted += [issuable.customer, issuable.order, issuable.work_instruction, issuable.condition]
     wanted += [issuable.received, *issuable.deviations, "B. Head", "D-9", issuable.decision_rule]
@@ -259,7 +260,8 @@ def test_the_page_in_html_stamps_a_draft_and_shows_the_same_fields(
 ) -> None:
     draft, page = render_sheet(sheet_of(certificate)), render_sheet(sheet_of(issuable))
     assert '<p class="stamp"' in draft and '<p class="stamp"' not in page
-    for one in (issuable.number, issuable.customer, issuable.results[0][3], issuable.hashes[0][1]):
+    expanded = result_row(issuable.results[0])[3]
+    for one in (issuable.number, issuable.customer, expanded, issuable.hashes[0][1]):
         assert one in page
     assert "<script" not in page and "http" not in page
 

@@ -14,10 +14,9 @@ from station.errors import InputError
 from station.findings import Estimate, Findings, Flag, InputQuantity, undetermined
 from station.instruments.laboratory import Laboratory
 from station.report.certificate_cmc import not_below_cmc
-from station.report.certificate_curves import curve_tables
+from station.report.certificate_curves import curves_of
 from station.report.certificate_results import (
     convention_row,
-    is_convention,
     left_out,
     measured,
     probability_text,
@@ -58,7 +57,7 @@ def test_what_was_set_by_convention_stands_apart_and_what_is_not_determined_is_n
     whole = document(*WHOLE)
     (row,) = map(result_row, measured(whole))
     assert row[:4] == ("coil factor", "y", "1.01127", "0.00020")
-    conventions = [convention_row(result) for result in whole.results if is_convention(result)]
+    conventions = [convention_row(result) for result in whole.results if result.by_convention]
     assert conventions == [("coil factor", "x", "1", "1")]
     assert list(left_out(whole)) == [
         "Not determined by these data, and so not stated: coil factor of axis z; residual field of "
@@ -161,7 +160,8 @@ def test_a_curve_has_its_formula_and_a_table_with_u_where_it_is_known() -> None:
     )
     (row,) = map(result_row, measured(whole))
     assert row[0] == "coil factor at 20 degC"
-    formula, table = curve_tables(whole)
+    (curves,) = curves_of(whole)
+    formula, table = curves.tables()
     # 10 - 5 t + 2 (2 t² - 1)
     assert formula[2] == (("x", "8.000 − 5.000 t + 4.000 t^2", "t = (T − 20)/40", "−20.0 … 60.0"),)
     assert table[1] == ("T in degC", "x", "U(x)")
@@ -169,7 +169,9 @@ def test_a_curve_has_its_formula_and_a_table_with_u_where_it_is_known() -> None:
     assert table[2][4] == ("20", "8.00", "0.20")
     # At t = -1 the slope is (-5 - 8)/40 per degC.
     assert table[2][0] == ("−20", "17.00", "0.21")
-    _, raised = curve_tables(whole, laboratory({"coil_factor": 0.208}))
+    (curves,) = curves_of(whole, laboratory({"coil_factor": 0.208}))
+    _, raised = curves.tables()
     assert (raised[2][0][2], raised[2][4][2]) == ("0.21", "0.21")
-    _, raised = curve_tables(whole, laboratory({"coil_factor": 0.5}))
+    (curves,) = curves_of(whole, laboratory({"coil_factor": 0.5}))
+    _, raised = curves.tables()
     assert {line[2] for line in raised[2]} == {"0.50"}

@@ -86,5 +86,5 @@ def test_a_complete_plan_on_a_complete_bench_is_a_draft_for_its_simulation_alone
     nothing = ["The result is missing"] if name in DETERMINES_NOTHING else []
     assert [reason for reason in reasons if not reason.startswith((*nothing, SIMULATED))] == []
     assert len(reasons) == 1 + len(nothing)
-    assert certificate.room[0][1] == "21.3 °C"
-    assert not [row for row in certificate.ambient if "set point" in row[1]]
+    assert (certificate.room[0].value, certificate.room[0].unit) == (21.3, "°C")
+    assert not [row for row in certificate.ambient if "set point" in row.quantity]

@@ -18,9 +18,12 @@ import pytest
 from station.cli.reporting import remake_report
 from station.decision import Decision, Limit
 from station.errors import InputError
+from station.record.events import head_of_run
 from station.record.folder import EXPORTS, RESULTS, RunFolder
-from station.report.certificate import certificate_of_run
-from station.report.dcc import DRAFT, NO_COUNTRY, dcc_of_run
+from station.report.certificate import ambient_rows, certificate_of_run
+from station.report.certificate_fields import RoomCondition
+from station.report.certificate_results import result_row
+from station.report.dcc import DRAFT, NO_COUNTRY, dcc_of
 from station.report.revision import newest_revision
 from station.report.si_units import si_unit
 from station.results import Result, ResultDocument
@@ -50,11 +53,19 @@ ORDERS: dict[str, Sequence[str]] = {
         *("name", "usedMethods", "usedSoftware", "measuringEquipments", "influenceConditions"),
         "results",
     ),
-    "usedMethod": ("name", "reference"),
+    "usedMethod": ("name", "norm", "reference"),
     "measuringEquipment": ("name", "description", "model", "identifications"),
     "influenceCondition": ("name", "data"),
     "result": ("name", "description", "data"),
-    "quantity": ("name", "noQuantity", "real", "measurementMetaData"),
+    "quantity": ("name", "noQuantity", "real", "realListXMLList", "measurementMetaData"),
+    "realListXMLList": (
+        *("valueXMLList", "unitXMLList"),
+        "measurementUncertaintyUnivariateXMLList",
+    ),
+    "expandedMUXMLList": (
+        *("valueExpandedMUXMLList", "coverageFactorXMLList"),
+        "coverageProbabilityXMLList",
+    ),
     "metaData": ("declaration", "conformity", "data"),
     "real": ("value", "unit", "measurementUncertaintyUnivariate"),
     "expandedMU": ("valueExpandedMU", "coverageFactor", "coverageProbability"),
@@ -84,7 +95,7 @@ def root_of(run: Path, *results: Result) -> ET.Element:
     document = document_of(run)
     if results:
         document = replace(document, results=results)
-    return ET.fromstring(dcc_of_run(RunFolder(run), document)[0])
+    return ET.fromstring(dcc_of(certificate_of_run(RunFolder(run), document))[0])
 
 
 def texts(root: ET.Element, path: str) -> list[str]:
@@ -117,7 +128,8 @@ def test_pydcc_opens_it_with_the_values_and_uncertainties_of_the_certificate(
     assert len(paths) >= len(printed.results)
     values = texts(read.root, ".//dcc:result/dcc:data/dcc:quantity/si:real/si:value")
     expanded = texts(read.root, ".//si:valueExpandedMU")
-    assert [(row[2], row[3]) for row in printed.results] == list(zip(values, expanded, strict=True))
+    shown = [row[2:4] for row in map(result_row, printed.results)]
+    assert shown == list(zip(values, expanded, strict=True))
 
 
 def test_children_are_in_the_order_of_the_schema(run: Path) -> None:
@@ -142,7 +154,7 @@ def test_a_simulated_run_is_a_draft_that_names_every_reason(run: Path) -> None:
 
 def test_the_head_of_the_log_the_software_and_the_instruments_are_there(run: Path) -> None:
     root = root_of(run)
-    assert RunFolder(run).damage.head in texts(root, ".//dcc:identification/dcc:value")
+    assert head_of_run(run) in texts(root, ".//dcc:identification/dcc:value")
     assert "station" in texts(root, ".//dcc:usedSoftware/dcc:software/dcc:name/dcc:content")
     releases = texts(root, ".//dcc:software/dcc:release")
     assert all(re.fullmatch(r"[a-zA-Z]( )?(\d{1,3}\.){0,3}\d{1,3}", text) for text in releases)
@@ -151,7 +163,9 @@ def test_the_head_of_the_log_the_software_and_the_instruments_are_there(run: Pat
     names = texts(root, ".//dcc:measuringEquipment/dcc:name/dcc:content")
     assert names == [row[0] for row in printed.traceability] and names
     conditions = texts(root, ".//dcc:influenceCondition/dcc:data/dcc:quantity/si:real/si:value")
-    assert conditions == [f"{float(n):.15g}" for row in printed.ambient for n in row[2:5]]
+    assert [f"{float(text):.2f}" for text in conditions] == [
+        text for row in ambient_rows(printed) for text in row[2:5]
+    ]
 
 
 @pytest.mark.parametrize(
@@ -191,6 +205,56 @@ def test_g_is_converted_and_what_is_not_determined_is_left_out_by_a_sentence(run
     ]
     left_out = "Not determined by these data, and so not stated: magnetic sensitivity of axis LA."
     assert left_out in texts(root, ".//dcc:declaration/dcc:content")
+
+
+def test_it_says_what_the_printed_one_does_of_curves_switch_ons_the_room_and_the_method(
+    run: Path,
+) -> None:
+    first, second = document_of(run).results
+    assert first.combined is not None
+    heat = [0.0, 20.0, 40.0]
+    extra = {
+        "model": {"basis": "chebyshev", "domain": [0.0, 40.0], "coefficients": [10.0, -5.0]},
+        "band": {
+            "temperature_degC": heat,
+            "standard_uncertainty": [0.1] * 3,
+            "expanded_uncertainty": [0.2] * 3,
+        },
+    }
+    curve = replace(first.estimate, name="bias", unit="mg", value=10.0, extra=extra)
+    several = replace(second.estimate, extra={"switch_ons": 3})
+    results = (replace(first, estimate=curve), replace(second, estimate=several))
+    document = replace(document_of(run), results=results)
+    room = RoomCondition("temperature", 21.5, 0.2, "°C", "Testo 622", "K-118", "2030-01-31", "A.")
+    certificate = replace(
+        certificate_of_run(RunFolder(run), document),
+        room=(room, replace(room, quantity="relative humidity", value=None)),
+        cited="GB 1234",
+    )
+    root = ET.fromstring(dcc_of(certificate)[0])
+    assert texts(root, ".//dcc:usedMethod/dcc:norm") == ["GB 1234"]
+    condition, untyped = root.findall(".//dcc:influenceCondition", SPACES)[:2]
+    assert "".join(condition.itertext()).split()[-3:] == ["21.5", r"\degreecelsius", "0.2"]
+    assert "".join(untyped.itertext()).split()[-2:] == ["not", "stated"]
+    names = texts(root, ".//dcc:result/dcc:name/dcc:content")
+    assert names[-2:] == [
+        "magnetic sensitivity of these 3 switch-ons LA",
+        "bias IA over temperature",
+    ]
+    formula, values = certificate.curves[0].tables()
+    (text,) = texts(root, ".//dcc:result/dcc:data/dcc:text/dcc:content")
+    assert all(part in text for part in formula[2][0][1:3])
+    temperatures, listed = texts(root, ".//si:valueXMLList")
+    expanded = texts(root, ".//si:valueExpandedMUXMLList")[0].split()
+    assert temperatures.split() == [row[0] for row in values[2]]
+    # mg are converted into m/s², with U in proportion.
+    ratios = [float(x) / float(row[1]) for x, row in zip(listed.split(), values[2], strict=True)]
+    assert ratios == pytest.approx([9.80665e-3] * len(ratios), rel=5e-3)
+    assert [float(x) for x in expanded] == pytest.approx([0.2 * 9.80665e-3] * len(ratios), rel=0.03)
+    for element in root.iter():
+        order = ORDERS.get(element.tag.rpartition("}")[2], ())
+        ranks = [order.index(child.tag.rpartition("}")[2]) for child in element if order]
+        assert ranks == sorted(ranks), element.tag
 
 
 def test_every_unit_of_the_station_has_a_d_si_unit() -> None:

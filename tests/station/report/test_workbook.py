@@ -15,6 +15,7 @@ from openpyxl import load_workbook
 from station.cli.reporting import remake_report
 from station.errors import InputError
 from station.findings import Covariance
+from station.record.events import head_of_run
 from station.record.folder import EXPORTS, RESULTS, RunFolder
 from station.report.revision import newest_revision
 from station.report.workbook import workbook_of
@@ -88,7 +89,7 @@ def test_covariance_has_a_row_and_a_column_for_each_result(run: Path) -> None:
 def test_instruments_settings_and_the_head_of_the_log_are_there(run: Path) -> None:
     sheets = of(run)
     what = {row["what"]: row["value"] for row in sheets["Run"]}
-    assert what["run"] == run.name and what["head_of_log"] == RunFolder(run).damage.head
+    assert what["run"] == run.name and what["head_of_log"] == head_of_run(run)
     assert what["simulated"] is True
     assert {row["role"] for row in sheets["Instruments"]} >= {"coil supply", "gaussmeter"}
     assert all(row["parameter"] for row in sheets["Settings"])
