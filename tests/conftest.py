@@ -120,6 +120,24 @@ def two_axes_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, "two-axes", lambda folder: finished_run(folder, axes))
 
 
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[Any]:
+    """A server of PostgreSQL, one for each process of the tests that asks for it."""
+    from postgresql_server import server_or_skip
+
+    with server_or_skip() as server:
+        yield server
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Which database keeps the history of a test: the file beside the runs, or one of a server."""
+    if request.param == "postgresql":
+        url = request.getfixturevalue("postgresql").new_database()
+        monkeypatch.setenv("STATION_HISTORY", url)
+    return str(request.param)
+
+
 @pytest.fixture
 def clock() -> Any:
     """A virtual clock."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import socket
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -26,7 +26,7 @@ from station.errors import InputError, StationError
 from station.history.place import FILE, URL, beside, url_of
 from station.history.summary import DAMAGE, RunSummary, key_of, manifest_head, summary_of
 from station.history.tables import ACKNOWLEDGEMENTS, INSTRUMENTS, RESULTS, RUNS
-from station.history.versions import bring_up_to_date
+from station.history.versions import PATIENCE_S, bring_up_to_date, write_alone
 from station.record.run_names import runs_below
 from station.record.verification import was_in
 
@@ -49,6 +49,8 @@ TEXTS = (
     "verdict",
 )
 SEARCHED = ("run", "serial", "operator", "verdict", "state")
+BYTE_ORDER = {"postgresql": "C", "sqlite": "BINARY"}
+"""What databases call the order of bytes; PostgreSQL's own may be that of a dictionary."""
 _HERE = socket.gethostname()
 
 
@@ -163,6 +165,7 @@ class History:
         """
         parent = self._parent.resolve()
         with self._begun() as connection:
+            write_alone(connection)
             here = select(RUNS.c.id, RUNS.c.folder).where(RUNS.c.computer == _HERE)
             for row in connection.execute(here).all():
                 if Path(row.folder).parent == parent and not Path(row.folder).is_dir():
@@ -172,8 +175,9 @@ class History:
     def results(self, wanted: Wanted = Wanted()) -> list[Entry]:
         """Return the results that are asked for, oldest first."""
         with self._begun() as connection:
-            rows = connection.execute(_query(wanted)).mappings()
-            return [_entry(row) for row in rows]
+            entries = [_entry(row) for row in connection.execute(_query(wanted)).mappings()]
+        # Sorted here: databases differ in the order of texts, and in that of what is missing.
+        return sorted(entries, key=lambda e: (e.started_utc, e.run, e.name, e.axis or ""))
 
     def runs(self, search: str = "", most: int | None = None, skip: int = 0) -> list[RowMapping]:
         """Return the newest runs but the first few, at most so many, as they were taken in.
@@ -182,8 +186,10 @@ class History:
         """
         searched = (getattr(RUNS.c, name) for name in SEARCHED)
         holds = or_(*(column.icontains(search, autoescape=True) for column in searched))
-        query = select(RUNS).order_by(RUNS.c.started_utc.desc(), RUNS.c.run.desc())
-        query = query.where(holds) if search else query
+        query = select(RUNS).where(holds) if search else select(RUNS)
+        by_bytes = BYTE_ORDER.get(self._engine.dialect.name)
+        for column in (RUNS.c.started_utc, RUNS.c.run):
+            query = query.order_by((column.collate(by_bytes) if by_bytes else column).desc())
         with self._begun() as connection:
             return [*connection.execute(query.limit(most).offset(skip)).mappings()]
 
@@ -226,10 +232,13 @@ class History:
                 summaries.clear()
         return count + self._write(summaries, left_out), left_out
 
-    def _write(self, summaries: Iterable[RunSummary], left_out: list[str]) -> int:
+    def _write(self, summaries: Collection[RunSummary], left_out: list[str]) -> int:
         """Write runs, and add a sentence for each that was altered since it was taken in."""
         count = 0
+        if not summaries:
+            return count
         with self._begun() as connection:
+            write_alone(connection)
             for summary in summaries:
                 try:
                     count += _replace(connection, summary)
@@ -245,7 +254,13 @@ class History:
 
 def _patience(url: str) -> dict[str, Any]:
     # Two runs may end together: the second waits for the first to have written.
-    return {"timeout": 30.0} if url.startswith("sqlite") else {"connect_timeout": 5}
+    if url.startswith("sqlite"):
+        return {"timeout": PATIENCE_S}
+    patience: dict[str, Any] = {"connect_timeout": 5}
+    if url.startswith("postgresql"):  # a server that falls silent holds up no run's end
+        patience |= {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4}
+        patience["tcp_user_timeout"] = round(1000 * PATIENCE_S)
+    return patience
 
 
 def _replace(connection: Connection, summary: RunSummary) -> bool:
@@ -298,10 +313,8 @@ def _head(folder: Path) -> str:
 
 def _query(wanted: Wanted) -> Select[Any]:
     columns: Mapping[str, Any] = {**RUNS.c, **RESULTS.c}  # the verdict is the result's own
-    query = (
-        select(*(columns[field.name] for field in fields(Entry)))
-        .join(RESULTS, RESULTS.c.run_id == RUNS.c.id)
-        .order_by(RUNS.c.started_utc, RUNS.c.run, RESULTS.c.name, RESULTS.c.axis)
+    query = select(*(columns[field.name] for field in fields(Entry))).join(
+        RESULTS, RESULTS.c.run_id == RUNS.c.id
     )
     for field in fields(Wanted):
         value = getattr(wanted, field.name)
@@ -329,8 +342,13 @@ def _named(url: str) -> Iterator[None]:
     except StationError:
         raise
     except Exception as error:  # whatever is in a damaged database: nothing else depends on it
-        shown = url.rpartition("@")[2]
+        shown = url.rpartition("@")[2].partition("?")[0]
         sentence = CLASS.sub("", str(error).partition("\n")[0])
+        if isinstance(error, ModuleNotFoundError) and url.startswith("postgresql"):
+            raise HistoryError(
+                f"the history at {shown} needs the package {error.name}; install it with `pip "
+                "install inertial-station[history-postgresql]`"
+            ) from error
         raise HistoryError(
             f"the history at {shown} cannot be used: {sentence}; the run folders hold all of it "
             f"but who acknowledged which alarm: mend the database or the URL in {URL}, or delete "

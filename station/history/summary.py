@@ -12,8 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from sqlalchemy import Table
 
 from station.errors import InputError
+from station.history.tables import INSTRUMENTS, RUNS
+from station.history.tables import RESULTS as RESULT_TABLE
 from station.record.files import is_own_file
 from station.record.folder import RESULTS
 from station.record.layout import BENCH, EVENTS, MANIFEST, PLAN, RUN, file_hash
@@ -30,6 +33,7 @@ DAMAGE = (
     OSError,
     ValueError,
     LookupError,
+    OverflowError,
     TypeError,
     AttributeError,
     RecursionError,
@@ -93,7 +97,28 @@ def _summary(folder: Path) -> RunSummary:
         "verdict": document.get("verdict"),
         "head": manifest_head(folder),
     }
-    return RunSummary(run, tuple(_results(document)), tuple(_instruments(whole)))
+    return RunSummary(
+        _as_kept(run, RUNS),
+        tuple(_as_kept(row, RESULT_TABLE) for row in _results(document)),
+        tuple(_as_kept(row, INSTRUMENTS) for row in _instruments(whole)),
+    )
+
+
+def _as_kept(row: Row, table: Table) -> Row:
+    """Return a row as its table holds it; raises ValueError or TypeError where none could."""
+    kept = dict[str, Any]()
+    for name, value in row.items():
+        column = table.c[name]
+        wanted = column.type.python_type
+        if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if not (isinstance(value, wanted) or (value is None and column.nullable)):
+            raise TypeError(f"{name} is {value!r}")
+        # PostgreSQL keeps no NUL in a text, SQLite no NaN, and neither half a character.
+        if value != value or b"\0" in str(value).encode():
+            raise ValueError(f"{name} is {value!r}")
+        kept[name] = value
+    return kept
 
 
 def key_of(folder: Path) -> str:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import shutil
-import sqlite3
-from collections.abc import Callable
-from contextlib import closing
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from itertools import product
 from pathlib import Path
 from socket import gethostname
 
@@ -18,7 +22,7 @@ from alembic.config import Config
 from command_line import PLAN, station
 from for_people import need_sentences
 from history_runs import made_run
-from sqlalchemy import create_engine, insert
+from sqlalchemy import Connection, create_engine, insert, select, text
 
 from station.cli.history import acknowledge_alarms, lines
 from station.cli.looking import entries
@@ -27,7 +31,7 @@ from station.cli.verifying import against_history, verify_runs
 from station.errors import InputError
 from station.history.alarms import alarms_of, rows_of_standards
 from station.history.page import page_of
-from station.history.place import FILE, URL
+from station.history.place import FILE, URL, url_of
 from station.history.series import series_of
 from station.history.store import History, HistoryError, Wanted
 from station.history.summary import summary_of
@@ -38,6 +42,9 @@ from station.record.later import record_later
 from station.record.layout import EVENTS, file_hash, write_manifest
 
 SPREAD = random.Random(7)
+pytestmark = pytest.mark.usefixtures("database")
+IN_A_FILE = pytest.mark.parametrize("database", ["sqlite"], indirect=True)
+"""What holds only of a history that is a file beside the runs."""
 
 
 def kept(parent: Path, wanted: Wanted | None = None) -> list[tuple[str, float | None]]:
@@ -76,17 +83,40 @@ def test_what_was_deleted_stays_known_until_the_history_is_rebuilt(tmp_path: Pat
         assert history.results() == []
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"results": [{}]}', '{"results": 3}'])
+def with_result(**changed: object) -> str:
+    """Return a result document of which some entries are not what a run writes."""
+    entry = {
+        "name": "coil_constant",
+        "axis": None,
+        "value": 1.0,
+        "unit": "mT/A",
+        "standard_uncertainty": None,
+        "expanded_uncertainty": None,
+        "verdict": "none",
+    }
+    return json.dumps({"verdict": "none", "results": [entry | changed]})
+
+
+DOCUMENTS = (
+    *("", "[]", "{", '{"results": [{}]}', '{"results": 3}'),
+    *(with_result(name=name) for name in ("a\0b", "\ud800", None, 7, ["a"])),
+    *(with_result(value=value) for value in ("1.0", True, 10**400, float("nan"), {})),
+)
+
+
+@pytest.mark.parametrize("text", DOCUMENTS)
 def test_a_damaged_folder_costs_only_itself_and_is_named(tmp_path: Path, text: str) -> None:
     made_run(tmp_path, 1, 1.1)
     damaged = made_run(tmp_path, 2, 1.2)
     (damaged / "results.json").write_text(text, encoding="utf-8")
+    write_manifest(damaged)
     with closing(History(tmp_path)) as history:
         count, left_out = history.take_in()
         assert count == 1
         assert [str(damaged) in sentence for sentence in left_out] == [True]
 
 
+@IN_A_FILE
 def test_a_broken_database_is_one_sentence_and_keeps_no_run_from_its_end(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,6 +130,96 @@ def test_a_broken_database_is_one_sentence_and_keeps_no_run_from_its_end(
     assert "cannot be used" in warned.sentence
 
 
+def test_texts_are_sorted_alike_by_every_database(tmp_path: Path) -> None:
+    """A server may sort as a dictionary does: the small before the capital, a hyphen unseen."""
+    serials = ["A", "B", "a", "a-c", "ab", "b"]
+    folders = [made_run(tmp_path, 1, 1.0, serial=serial) for serial in serials]
+    assert kept(tmp_path) == [(serial, 1.0) for serial in serials]
+    newest_first = [row["name"] for row in entries("runs", store=url_of(tmp_path))]
+    assert newest_first == [folder.name for folder in reversed(folders)]
+
+
+TAKES_IN = """
+import sys
+from pathlib import Path
+from station.history.store import History
+print("ready", flush=True)
+parent, one_by_one = Path(sys.argv[1]), sys.argv[2] == "one by one"
+sys.stdin.readline()
+history = History(parent)
+if one_by_one:
+    for folder in sorted(parent.glob("2*"), reverse=True):
+        history.take_one(folder)
+else:
+    for sentence in history.rebuild()[1]:
+        print(sentence)
+history.close()
+"""
+
+
+def test_what_several_processes_take_in_at_once_is_there_once(
+    tmp_path: Path, database: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They begin with no tables; two read the same folders, one has copies, one other runs."""
+    if database == "sqlite":
+        monkeypatch.setenv(URL, f"sqlite:///{tmp_path / 'shared.sqlite3'}")
+    for day in range(40):
+        made_run(tmp_path / "a", day, 1.0)
+        made_run(tmp_path / "b", day, 2.0, serial="SN-2")
+    shutil.copytree(tmp_path / "a", tmp_path / "copies")
+    asked = [("a", "one by one"), ("a", "all"), ("copies", "all"), ("b", "one by one")]
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", TAKES_IN, str(tmp_path / parent), how],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            encoding="utf-8",
+        )
+        for parent, how in asked
+    ]
+    for process in processes:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert [process.communicate(timeout=100)[0] for process in processes] == [""] * len(asked)
+    with closing(History(tmp_path / "a")) as history:
+        rows = [(entry.run, entry.value) for entry in history.results()]
+        assert len(history.runs()) == 80
+    assert sorted(rows) == sorted(set(rows))
+    assert len(rows) == 80
+
+
+@IN_A_FILE
+def test_a_server_that_is_gone_or_silent_is_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = made_run(tmp_path, 1, 1.1)
+    with closing(socket.create_server(("127.0.0.1", 0))) as silent:
+        port = silent.getsockname()[1]
+        for host in (f"127.0.0.1:{port}", "127.0.0.1:1"):
+            monkeypatch.setenv(URL, f"postgresql+psycopg://lab:secret@{host}/runs?sslkey=hidden")
+            with pytest.raises(HistoryError, match=f"the history at {host}/runs cannot") as raised:
+                History(tmp_path)
+            need_sentences(str(raised.value), host)
+            assert not {"secret", "hidden"} & set(re.split(r"\W", str(raised.value)))
+    assert verify_runs([folder], as_json=False) == 0  # of the one that is gone
+
+
+@IN_A_FILE
+def test_the_package_that_a_server_needs_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    monkeypatch.setenv(URL, "postgresql+psycopg://lab:secret@db/runs")
+    with pytest.raises(HistoryError, match=r"pip install inertial-station\[history-postgresql\]"):
+        History(tmp_path)
+
+
+@IN_A_FILE
 def test_a_url_without_its_package_is_named_without_its_password(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -116,6 +236,7 @@ def test_all_that_is_seen_beside_the_history_are_run_folders(tmp_path: Path) -> 
     assert [one for one in tmp_path.iterdir() if not one.name.startswith(".")] == [folder]
 
 
+@IN_A_FILE
 def test_nobody_keeps_a_history_unasked(tmp_path: Path) -> None:
     remember(made_run(tmp_path, 1, 1.1))
     assert not (tmp_path / FILE).exists()
@@ -133,16 +254,23 @@ def test_a_check_standard_begins_the_history_with_the_runs_that_are_there(
     assert standing_alarms("sim", tmp_path)
 
 
+@contextmanager
+def tables_of(parent: Path) -> Iterator[Connection]:
+    """Yield a connection to the database of the runs below a folder."""
+    engine = create_engine(url_of(parent))
+    with engine.begin() as connection:
+        yield connection
+    engine.dispose()
+
+
 def of_first_version(parent: Path, *folders: Path) -> None:
     """Make a history as the first version kept it, with a row for each folder."""
-    with closing(sqlite3.connect(parent / FILE)) as database:
-        config = Config()
-        config.set_main_option("script_location", str(MIGRATIONS))
-        engine = create_engine(f"sqlite:///{parent / FILE}")
-        with engine.begin() as connection:
-            config.attributes["connection"] = connection
-            command.upgrade(config, "0001")
-        engine.dispose()
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    with tables_of(parent) as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "0001")
+    with tables_of(parent) as connection:
         for number, folder in enumerate(folders, start=1):
             run = {
                 "id": number,
@@ -160,16 +288,17 @@ def of_first_version(parent: Path, *folders: Path) -> None:
                 "verdict": "pass",
                 "head": file_hash(folder / "manifest.json") if folder.is_dir() else "",
             }
-            marks = ", ".join("?" * len(run))
-            database.execute(
-                f"INSERT INTO runs ({', '.join(run)}) VALUES ({marks})", list(run.values())
+            values = ", ".join(f":{name}" for name in run)
+            connection.execute(text(f"INSERT INTO runs ({', '.join(run)}) VALUES ({values})"), run)
+            connection.execute(
+                text(
+                    "INSERT INTO results (run_id, name, axis, value, unit, verdict) "
+                    "VALUES (:id, 'coil_constant', 'x', 1.5, 'mT/A', 'pass')"
+                ),
+                run,
             )
-            database.execute(
-                "INSERT INTO results (run_id, name, axis, value, unit, verdict) "
-                "VALUES (?, 'coil_constant', 'x', 1.5, 'mT/A', 'pass')",
-                [number],
-            )
-        database.commit()
+        if connection.dialect.name == "postgresql":  # as if it had given the numbers itself
+            connection.execute(text("SELECT setval('runs_id_seq', 100)"))
 
 
 def test_tables_of_a_first_version_are_brought_up_to_date(tmp_path: Path) -> None:
@@ -178,16 +307,18 @@ def test_tables_of_a_first_version_are_brought_up_to_date(tmp_path: Path) -> Non
     assert verify_runs([there], as_json=False) == 0
     # What was there is read again and has its key; what is gone is kept as it was.
     assert kept(tmp_path) == [("SN-1", 1.1), ("OLD-2", 1.5)]
-    with closing(sqlite3.connect(tmp_path / FILE)) as database:
-        assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("0003",)]
-        rows = database.execute("SELECT run, computer, key IS NULL FROM runs").fetchall()
-    assert sorted(rows) == [(there.name, gethostname(), 0), ("gone", "lab", 1)]
+    with tables_of(tmp_path) as connection:
+        version = connection.execute(text("SELECT version_num FROM alembic_version")).scalars()
+        assert version.all() == ["0003"]
+        rows = connection.execute(text("SELECT run, computer, key IS NULL FROM runs")).all()
+    assert sorted(map(tuple, rows)) == [(there.name, gethostname(), 0), ("gone", "lab", 1)]
 
 
 @pytest.fixture
-def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def shared(tmp_path: Path, database: str, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Two benches whose runs one database holds."""
-    monkeypatch.setenv(URL, f"sqlite:///{tmp_path / 'shared.sqlite3'}")
+    if database == "sqlite":
+        monkeypatch.setenv(URL, f"sqlite:///{tmp_path / 'shared.sqlite3'}")
     for day in range(1, 4):
         made_run(tmp_path / "a", day, 1.0 + day / 10)
         made_run(tmp_path / "b", day + 10, 2.0 + day / 10, serial="SN-2")
@@ -214,8 +345,9 @@ def test_a_folder_that_was_copied_or_moved_counts_once(shared: Path) -> None:
     shutil.rmtree(shared / "copies")
     (shared / "a").rename(shared / "archive")
     assert kept(shared / "archive") == before
-    with closing(sqlite3.connect(shared / "shared.sqlite3")) as database:
-        folders = [Path(row[0]).parent.name for row in database.execute("SELECT folder FROM runs")]
+    with tables_of(shared) as connection:
+        rows = connection.execute(select(RUNS.c.folder)).scalars()
+        folders = [Path(folder).parent.name for folder in rows]
     assert sorted(folders) == ["archive"] * 3 + ["b"] * 3
 
 
@@ -291,25 +423,35 @@ def test_a_run_that_was_analysed_since_is_the_one_that_was_taken_in(tmp_path: Pa
 DAMAGES: dict[str, Callable[[Path], object]] = {
     "no database": lambda file: file.write_bytes(b"no database, and long enough to show it " * 40),
     "a text for a number": lambda file: changed_in(file, "UPDATE results SET value = 'x'"),
-    "no tables": lambda file: changed_in(file, "DROP TABLE results", "DROP TABLE runs"),
-    "an unknown version": lambda file: changed_in(
-        file, "UPDATE alembic_version SET version_num = ''"
-    ),
     "bytes that are no text": lambda file: changed_in(
         file, "UPDATE runs SET serial = CAST(x'ff' AS TEXT)"
     ),
     "half of it": lambda file: os.truncate(file, file.stat().st_size // 2),
+    "no tables": lambda file: changed_in(file, "DROP TABLE results", "DROP TABLE runs CASCADE"),
+    "an unknown version": lambda file: changed_in(
+        file, "UPDATE alembic_version SET version_num = ''"
+    ),
+    "another program's column": lambda file: changed_in(
+        file, "ALTER TABLE results RENAME COLUMN value TO worth"
+    ),
 }
+OF_A_SERVER = [*DAMAGES][-3:]
+"""Those that a server lets happen."""
 
 
 def changed_in(file: Path, *statements: str) -> None:
-    with closing(sqlite3.connect(file)) as database:
+    with tables_of(file.parent) as connection:
         for statement in statements:
-            database.execute(statement)
-        database.commit()
+            if connection.dialect.name == "sqlite":
+                statement = statement.replace(" CASCADE", "")
+            connection.execute(text(statement))
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize(
+    ("damage", "database"),
+    [*product(DAMAGES, ["sqlite"]), *product(OF_A_SERVER, ["postgresql"])],
+    indirect=["database"],
+)
 def test_a_damaged_database_keeps_nobody_from_a_run_nor_from_verify(
     damage: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -414,6 +556,7 @@ def test_of_several_alarms_the_new_baseline_begins_after_the_last(tmp_path: Path
     assert [alarm.identity for alarm in alarms] == names
 
 
+@IN_A_FILE
 def test_alarms_are_printed_in_the_document_and_on_the_page(tmp_path: Path) -> None:
     name = wandered(tmp_path)
     asked = ("history", "--check-standards", "--output", ".")
@@ -464,12 +607,13 @@ def test_a_run_sealed_anew_is_not_the_one_of_the_history(
 
 
 def test_ten_thousand_runs_of_a_history_are_listed_by_pages(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'shared.sqlite3'}"
-    with pytest.raises(InputError, match="no file"):
-        entries("runs", store=url)
+    url = url_of(tmp_path)
+    if url.startswith("sqlite"):
+        with pytest.raises(InputError, match="no file"):
+            entries("runs", store=url)
+        (tmp_path / FILE).touch()
     folder = made_run(tmp_path / "runs", 1, 1.1)
     summary = summary_of(folder)
-    (tmp_path / "shared.sqlite3").touch()
     with closing(History(tmp_path, url)):
         pass
     rows = [
@@ -482,13 +626,13 @@ def test_ten_thousand_runs_of_a_history_are_listed_by_pages(tmp_path: Path) -> N
         }
         for number in range(10_000)
     ]
-    engine = create_engine(url)
-    with engine.begin() as connection:
+    with tables_of(tmp_path) as connection:
         connection.execute(insert(RUNS), rows)
-    engine.dispose()
     assert entries("runs", store=url)[0]["name"] == "run-9999"
-    names = [row["name"] for page in range(1, 202) for row in entries("runs", "", url, page)[:50]]
-    assert names == [f"run-{number}" for number in range(9999, -1, -1)]
+    expected = [f"run-{number}" for number in range(9999, -1, -1)]
+    for page in (1, 2, 20, 100, 200, 201):
+        names = [row["name"] for row in entries("runs", "", url, page)]
+        assert names == expected[50 * page - 50 :][:51]
     assert [row["serial"] for row in entries("runs", "sn_123", url)][-1] == "SN_123"
     assert len(entries("runs", "sn_123", url)) == 11
     asked = ("list", "runs", "--store", url, "--page", "200")

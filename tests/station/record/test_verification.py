@@ -667,6 +667,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.usefixtures("database")
 def test_whatever_becomes_of_a_file_is_found_and_hangs_nothing(
     run: Path, key: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
