@@ -244,6 +244,7 @@ def test_nobody_keeps_a_history_unasked(tmp_path: Path) -> None:
         History(tmp_path / "nowhere")
 
 
+@IN_A_FILE
 def test_a_check_standard_begins_the_history_with_the_runs_that_are_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
