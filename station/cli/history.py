@@ -57,8 +57,10 @@ def acknowledge_alarms(
 
     Of several alarms of a chart the new baseline begins after the last of them.
     """
-    if not says_something(reason):
-        raise InputError("say by --reason what the cause was, and what was done about it")
+    if not says_something(reason) or not reason.isprintable():
+        raise InputError(
+            "say by --reason, in a line, what the cause was and what was done about it"
+        )
     with closing(History(parent)) as history:
         for sentence in history.take_in()[1]:
             tell(f"WARNING: {sentence}")

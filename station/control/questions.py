@@ -115,14 +115,14 @@ class Operator:
         Raises InputError where the answers file holds what is no answer.
         """
         unknown = [
-            f"\n  {prompt.id}: {self._answers[prompt.id]}"
+            f"\n  {prompt.id}: {self._answers[prompt.id]}    # write {prompt.answer_in_file}"
             for prompt in prompts
             if prompt.id in self._answers and not self._meant(prompt)
         ]
         if unknown:
             raise InputError(
-                f"the answers file has entries that are no answer, nothing was energised; write "
-                f"`{DONE}`, or `{ABORT}`:{''.join(unknown)}"
+                "the answers file has entries that are no answer, nothing was energised; correct "
+                f"them:{''.join(unknown)}"
             )
         if self._interactive:
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 
@@ -154,10 +155,11 @@ class Certificate:
     def _reasons(self) -> Iterator[str]:
         if not self.complete:
             yield "The run did not go through all its steps."
-        tested_on = self.tested[: len("2027-01-31")]
-        if self.received > tested_on > "":
+        # Somewhere on earth the day after that in UTC has begun.
+        latest = str(dt.date.fromisoformat(self.days[0]) + dt.timedelta(days=1))
+        if self.received > latest:
             yield (
-                f"The device was received on {self.received}, and tested on {tested_on} "
+                f"The device was received on {self.received}, and tested on {self.days[0]} "
                 "(7.8.2.1 h): `dut.received` of the plan."
             )
         for read in self.room:
@@ -166,13 +168,13 @@ class Certificate:
                     f"The {read.quantity} of the room was not typed (7.8.4.1 b): `room` of the "
                     "plan, or the answer to the run's prompt."
                 )
-            if tested_on > read.due:
+            if self.days[1] > read.due:
                 yield (
                     f"The room was read on {read.instrument}, whose calibration was due on "
                     f"{read.due} (7.8.4.1 c)."
                 )
         for row in self.traceability:
-            if row[3] > tested_on > "":
+            if row[3] > latest:
                 yield (
                     f"The calibration of {row[0]} is dated {row[3]}, after the test: the record "
                     "that held on that day is missing (7.8.4.1 c): `calibration` in the bench file."

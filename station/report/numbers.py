@@ -84,7 +84,7 @@ def format_limit(limit: Limit | None) -> str:
 
 
 def _bound(value: float) -> str:
-    return typeset(f"{value:g}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e"))
+    return typeset(f"{value:.12g}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e"))
 
 
 def format_degrees_of_freedom(value: float | None) -> str:

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import date
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +116,9 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
 def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     """Return what the run itself, not its data, makes the reader know."""
     flags = []
-    if bench.simulation is not None:
+    if bench.simulation is not None or any(
+        entry.simulator is not None for entry in bench.instruments.values()
+    ):
         flags.append(
             Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
         )
@@ -138,7 +140,8 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     flags.extend(flags_of_gaps(folder))
     flags.extend(flags_of_guardians(folder))
     flags.extend(flags_of_missed_time(folder))
-    run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
+    began = datetime.fromisoformat(folder.run_facts()["started_utc"])
+    run_on = (began + timedelta(seconds=folder.events[-1].time_s)).date()
     used = used_instruments(folder)
     for name, entry in bench.instruments.items():
         if name in used and entry.calibration is not None and entry.calibration.overdue(run_on):

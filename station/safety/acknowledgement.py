@@ -241,6 +241,10 @@ def acknowledgement(trip: Trip) -> str:
 def user_name() -> str:
     """Return the name of the system's user, or nothing where it has none."""
     try:
+        if os.name == "posix":  # an environment variable names whom it likes
+            import pwd
+
+            return pwd.getpwuid(os.getuid()).pw_name
         return getpass.getuser()
     except (OSError, KeyError, ImportError):
         return ""

@@ -96,7 +96,7 @@ TESTED = "2026-02-01 10:00:00 to 2026-02-01 11:00:00 UTC"
 
 
 def test_each_statement_that_cannot_be_makes_a_draft_and_is_named(issuable: Certificate) -> None:
-    sound = replace(issuable, tested=TESTED)
+    sound = replace(issuable, tested=TESTED, days=("2026-02-01", "2026-02-03"))
     assert sound.draft_reasons() == ()
     record = sound.traceability[0]
     read = RoomCondition(
@@ -114,14 +114,16 @@ def test_each_statement_that_cannot_be_makes_a_draft_and_is_named(issuable: Cert
             "unstated": (("latitude", "bias"),)
         },
         "temperature of the room was not typed": {"room": (replace(read, value=None),)},
-        "Testo 622, whose calibration was due on 2025-01-31": {
-            "room": (replace(read, due="2025-01-31"),)
+        "Testo 622, whose calibration was due on 2026-02-02": {
+            "room": (replace(read, due="2026-02-02"),)
         },
     }
     for said, change in changes.items():
         (reason,) = replace(sound, **change).draft_reasons()
         assert said in reason
     assert replace(sound, ambient=(), room=(read,)).draft_reasons() == ()
+    # Where the day begins before it does in UTC.
+    assert replace(sound, received="2026-02-02").draft_reasons() == ()
 
 
 @pytest.mark.parametrize("code", REASONS)

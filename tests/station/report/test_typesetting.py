@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from station import units
+from station.decision import Limit
 from station.plots import Axis, Line, Panel, Plot
 from station.report.drawing import figure_of
+from station.report.numbers import format_limit
 from station.report.sheet import Section, Sheet, grid
 from station.report.sheet_html import render_sheet
 from station.report.typesetting import with_signs
@@ -52,3 +54,9 @@ def test_table_page_and_plot_show_them_in_both_languages() -> None:
         assert block["rows"] == (("V/g²",),)
         (axes,) = figure_of(plot, texts).axes
         assert axes.get_ylabel().endswith("µg/g²")
+
+
+def test_a_limit_has_all_its_digits() -> None:
+    assert format_limit(Limit(max=1.0000125)) == "≤ 1.0000125"
+    assert format_limit(Limit(min=2.5e-9)) == "≥ 2.5·10⁻⁹"
+    assert format_limit(Limit(max=0.1 + 0.2)) == "≤ 0.3"

@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,10 +18,13 @@ from rlg_runs import short_run
 
 from station.cli import main
 from station.cli.analysing import analyse_run
+from station.clock import utc_today
 from station.errors import InterlockTripped
 from station.record.folder import RunFolder, RunRecord
 from station.record.layout import Presence
+from station.recorded import read_plan_and_bench
 from station.runner import evaluation
+from station.runner.evaluation import flags_of_run
 from station.runner.execute import export
 from station.runner.outcome import NO_MEMORY, in_one_sentence
 
@@ -83,6 +88,28 @@ def test_an_overdue_calibration_is_flagged(tmp_path: Path) -> None:
     assert outcome.document is not None
     flags = {flag.code: flag for flag in outcome.document.flags}
     assert "gaussmeter was due on 2026-02-01" in flags["calibration-overdue"].message
+
+
+def test_a_calibration_that_became_overdue_while_the_run_stood_is_flagged(tmp_path: Path) -> None:
+    due = str(utc_today() + timedelta(days=30))
+    outcome, _ = short_run(
+        tmp_path, plan=ONE_AXIS, bench={"instruments/gaussmeter/calibration/due": due}
+    )
+    folder = RunFolder(outcome.folder)
+    bench = read_plan_and_bench(folder)[1]
+    assert "calibration-overdue" not in {flag.code for flag in flags_of_run(folder, bench)}
+    last, days = folder.events[-1], 86400.0 * 40
+    folder.events = (*folder.events, replace(last, time_s=last.time_s + days))
+    assert "calibration-overdue" in {flag.code for flag in flags_of_run(folder, bench)}
+
+
+def test_a_bench_whose_instruments_have_simulators_is_called_simulated(tmp_path: Path) -> None:
+    outcome, _ = short_run(tmp_path, plan=ONE_AXIS)
+    folder = RunFolder(outcome.folder)
+    bench = read_plan_and_bench(folder)[1]
+    real = replace(bench, file=bench.file.model_copy(update={"simulation": None}))
+    assert real.simulation is None
+    assert "simulated" in {flag.code for flag in flags_of_run(folder, real)}
 
 
 @pytest.mark.campaign
