@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 SUFFIX = ".tdms"
 DAMAGE = (
-    *(ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, RuntimeError),
-    *(TypeError, ValueError, struct.error),
+    *(ArithmeticError, AttributeError, EOFError, LookupError, RuntimeError, TypeError),
+    *(ValueError, struct.error),
 )
 """What the library raises on bytes that are no TDMS."""
 

@@ -67,6 +67,15 @@ def list_(
     """List procedures, plans, benches, drivers, runs, certificates."""
     from station.cli.looking import list_what_there_is
 
+    listed = kind or Kind.RUNS
+    if (search or page > 1) and listed is not Kind.RUNS:
+        raise typer.BadParameter(
+            f"--search and --page are of the runs: leave them out with {listed.value}"
+        )
+    if store != "runs" and listed not in (Kind.RUNS, Kind.CERTIFICATES):
+        raise typer.BadParameter(
+            f"--store is of runs and certificates: leave it out with {listed.value}"
+        )
     of_runs = search or page > 1 or store != "runs"
     wanted = kind.value if kind else "runs" if of_runs else None
     list_what_there_is(wanted, search=search, store=store, page=page, as_json=json)

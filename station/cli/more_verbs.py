@@ -89,7 +89,7 @@ def report(
     kind: Annotated[
         ReportKind, typer.Option("--kind", help="The whole report, or a certificate.")
     ] = ReportKind.REPORT,
-    paper: Annotated[Paper, typer.Option("--paper", help="Paper of a PDF.")] = Paper.A4,
+    paper: Annotated[Paper | None, typer.Option("--paper", help="Paper of a PDF; else a4.")] = None,
     letterhead: Letterhead = None,
     lang: Annotated[
         str | None,
@@ -118,11 +118,15 @@ def report(
     if issue:
         if format not in (ReportFormat.HTML, ReportFormat.PDF) or schema is not None:
             raise typer.BadParameter("--issue keeps a PDF: leave --format and --schema out")
-        issue_certificate(folder, kind.value, paper.value, letterhead, lang, replaces, reason)
+        size = paper or Paper.A4
+        issue_certificate(folder, kind.value, size.value, letterhead, lang, replaces, reason)
     elif replaces or reason:
         raise typer.BadParameter("--replaces and --reason go with --issue")
+    elif paper is not None and format is not ReportFormat.PDF:
+        raise typer.BadParameter("--paper is of a PDF: give --format pdf, or leave it out")
     else:
-        remake_report(folder, format.value, kind.value, paper.value, letterhead, lang, schema)
+        size_asked = paper.value if paper else None
+        remake_report(folder, format.value, kind.value, size_asked, letterhead, lang, schema)
 
 
 def history(
@@ -157,6 +161,11 @@ def history(
     from station.history.store import Wanted
 
     if acknowledge:
+        if any((dut, procedure, result, bench, check_standards, rebuild, html)):
+            raise typer.BadParameter(
+                "--acknowledge lists and draws nothing: leave all but --reason, --new-baseline, "
+                "--output and --json out"
+            )
         acknowledge_alarms(
             output, acknowledge, reason or "", new_baseline=new_baseline, as_json=json
         )

@@ -49,16 +49,17 @@ def remake_report(
     path: Path,
     format: str,
     kind: str,
-    paper: str = "a4",
+    paper: str | None = None,
     letterhead: Path | None = None,
     language: str | None = None,
     schema: Path | None = None,
 ) -> None:
     """Make the report or certificate of a run into its `exports`, which no manifest covers.
 
-    Without a `language` it is in that of this terminal. Prints the path of what was written. Raises
-    InputError where a certificate is asked for as a table of results, a letterhead or a schema for
-    what has none, a language that there is not, or where a dcc does not follow the `schema`.
+    Without a `language` it is in that of this terminal, without a `paper` for A4. Prints the path
+    of what was written. Raises InputError where a certificate is asked for as a table of results, a
+    letterhead or a schema for what has none, a paper for a PDF that was issued, a language that
+    there is not, or where a dcc does not follow the `schema`.
     """
     name = FILES.get((kind, format))
     if name is None:
@@ -120,7 +121,7 @@ def texts_of(language: str | None, format: str) -> Texts:
 def certificate(
     folder: RunFolder,
     format: str,
-    paper: str,
+    paper: str | None,
     letterhead: Path | None,
     texts: Texts,
     *,
@@ -137,6 +138,11 @@ def certificate(
     current, amendment, unissued = as_issued_now(folder, revision)
     if current is not None and not unissued:
         if format == "pdf" and as_issued and letterhead is None:
+            if paper is not None:
+                raise InputError(
+                    f"certificate {current.number} was issued, and its PDF is given again as it "
+                    "is; leave --paper out"
+                )
             return kept_pdf(folder.path, folder.events, current)
         unissued = f"This is a copy in another form: issued is certificate {current.number}."
     sheet = sheet_of(certificate_of_run(folder, revision.document, amendment))
@@ -264,7 +270,7 @@ def letterhead_hash(letterhead: Path | None) -> str:
 
 
 def report(
-    folder: RunFolder, format: str, paper: str, letterhead: Path | None, texts: Texts
+    folder: RunFolder, format: str, paper: str | None, letterhead: Path | None, texts: Texts
 ) -> bytes:
     """Return the report of a run in a format: html, pdf, csv, junit or xlsx."""
     revision = revision_of(folder, drawn=format in FOR_PEOPLE)
@@ -289,11 +295,11 @@ def report(
     return pdf_of(sheet, paper, letterhead)
 
 
-def pdf_of(sheet: Sheet, paper: str, letterhead: Path | None) -> bytes:
+def pdf_of(sheet: Sheet, paper: str | None, letterhead: Path | None) -> bytes:
     """Return a sheet as PDF."""
     from station.report.pdf import render_pdf
 
-    return render_pdf(sheet, paper=paper, letterhead=letterhead)
+    return render_pdf(sheet, paper=paper or "a4", letterhead=letterhead)
 
 
 def table_of(folder: RunFolder, document: ResultDocument, format: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 from station import registry
 from station.console import span, tell
 from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
-from station.files.faults import MAX_FAULTS, listed, shortened, shown
+from station.files.faults import MAX_FAULTS, listed, nearest, shortened, shown
 from station.files.lookup import BENCHES, PLANS, find, is_missing
 from station.files.plan import Plan, read_plan
 from station.files.plan.model import LONGEST, MAX_S
@@ -36,11 +36,12 @@ def read_bench_named(name: str) -> Bench:
     for sentence in registry.offers()[1]:
         tell(f"WARNING: {sentence}")
     bench = read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
+    faults = list(cmc_of_nothing(bench))
     wrong = {
         instance: registry.why_not(registry.DRIVERS, entry.driver)
         for instance, entry in bench.instruments.items()
     }
-    faults = [
+    faults += [
         bench.document.fault(("instruments", instance, "driver"), why)
         for instance, why in wrong.items()
         if why is not None
@@ -48,6 +49,23 @@ def read_bench_named(name: str) -> Bench:
     if faults:
         raise FaultList(faults)
     return bench
+
+
+def cmc_of_nothing(bench: Bench) -> Iterator[Fault]:
+    """Yield a fault for each CMC of the bench's laboratory that is of no procedure's result."""
+    laboratory = bench.file.laboratory
+    if laboratory is None or not laboratory.cmc:
+        return
+    known = Procedures()
+    loaded = [known[name] for name in known if not registry.why_not(registry.PROCEDURES, name)]
+    results = dict.fromkeys(result for procedure in loaded for result in procedure.results)
+    for name in laboratory.cmc:
+        if name not in results:
+            hint = nearest(name, results)
+            what = f"no procedure has a result '{name}', so no U would be held against this CMC"
+            yield bench.document.fault(
+                ("laboratory", "cmc", name), what, hint and f"'{hint}'", at_key=True
+            )
 
 
 def read_plan_for(name: str, bench: Bench, overrides: Sequence[str] = ()) -> Plan:

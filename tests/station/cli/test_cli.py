@@ -246,6 +246,37 @@ def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
+        ("list certificates --search A", "--search and --page are of the runs"),
+        ("list certificates --page 2", "leave them out with certificates"),
+        ("list plans --store here", "--store is of runs and certificates"),
+        ("history --acknowledge A --reason mended --html a.html", "--acknowledge lists and draws"),
+        ("history --acknowledge A --reason mended --dut SN-1", "--acknowledge lists and draws"),
+        ("history --acknowledge A --reason mended --rebuild", "--acknowledge lists and draws"),
+        ("report {run} --paper letter", "--paper is of a PDF: give --format pdf"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(
+    line: str, said: str, finished: tuple[Path, dict[str, Any], str], tmp_path: Path
+) -> None:
+    done = station(tmp_path, *line.format(run=finished[0]).split())
+    assert done.returncode == 2
+    assert said in " ".join(done.stderr.split())
+
+
+def test_a_cmc_of_no_result_is_refused_with_the_nearest_name(tmp_path: Path) -> None:
+    bench = yaml.safe_load(SIM.read_text(encoding="utf-8"))
+    bench["laboratory"] = {"name": "L", "address": "A", "cmc": {"magnetic_sensitivty": "1 nT"}}
+    (tmp_path / "bench.yaml").write_text(yaml.safe_dump(bench), encoding="utf-8")
+    for lang, meant in (("en", "did you mean 'magnetic_sensitivity'"), ("zh", "您是否指 ")):
+        arguments = ("validate", "rlg-magnetic-sensitivity", "--bench", "bench.yaml")
+        done = station(tmp_path, *arguments, "--lang", lang)
+        assert done.returncode == 2
+        assert "laboratory.cmc.magnetic_sensitivty" in done.stderr and meant in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
         ("stauts", "Error: No such command 'stauts'.\nDid you mean 'status'?\n"),
         ("frobnicate", "Error: No such command 'frobnicate'.\nthere are run, attach, pause, "),
         ("run x --non-interactve", "option: --non-interactve\nDid you mean --non-interactive?\n"),

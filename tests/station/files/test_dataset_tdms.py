@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from nptdms import ChannelObject, TdmsWriter
+from nptdms import ChannelObject, TdmsFile, TdmsWriter
 from places import DATA
 
 from station.dataset_reading import read_dataset, read_table
@@ -115,6 +115,17 @@ def test_every_fault_is_a_sentence_with_channel_and_row(
     columns: Mapping[str, Sequence[Any]], faults: list[str], tmp_path: Path
 ) -> None:
     assert table_faults(write(tmp_path / "a.tdms", {"samples": columns})) == faults
+
+
+def test_too_little_memory_is_no_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.tdms", {"samples": {"t_s": [1.0], "rate_deg_per_h": [1.0]}})
+
+    def without_room(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(TdmsFile, "open", without_room)
+    with pytest.raises(MemoryError):
+        read_table(path, ("t_s", "rate_deg_per_h"), group="samples")
 
 
 def test_what_is_no_tdms_or_was_cut_off_is_refused(tmp_path: Path) -> None:

@@ -112,6 +112,8 @@ def test_an_issued_certificate_is_kept_in_log_and_manifest_and_comes_out_the_sam
     (command, _) = (row[1] for row in reversed(seal(run.name, before).rows))
     since = verified_run(run, head=command).since
     assert since is not None and [event.kind for event in since] == [REVISED, ISSUED]
+    with pytest.raises(InputError, match=f"{only.number} was issued.*leave --paper out"):
+        remake_report(run, "pdf", "certificate", "letter")
     for _ in range(2):
         remake_report(run, "pdf", "certificate")
         assert (run / "exports" / "certificate.pdf").read_bytes() == pdf
