@@ -33,7 +33,6 @@ from station.cli.options import (
     Traced,
     complete_plan,
     complete_run,
-    named_run,
 )
 from station.cli.own_process import leave_to_own_process
 
@@ -214,10 +213,9 @@ def attach(run: ActiveRun) -> None:
 @app.command()
 def analyse(
     data: Annotated[
-        Path,
+        str,
         typer.Argument(
             help="Run folder (a part of its name will do), dataset folder or dataset.yaml.",
-            callback=named_run,
             autocompletion=complete_run,
         ),
     ],
@@ -226,7 +224,10 @@ def analyse(
         bool, typer.Option("--compare", help="Print the largest difference from stored results.")
     ] = False,
     every_run: Annotated[
-        bool, typer.Option("--all", help="DATA is a folder of run folders: all into one table.")
+        bool,
+        typer.Option(
+            "--all", help="DATA is a folder of run folders, or its URL: all into one table."
+        ),
     ] = False,
     trials: Annotated[
         int | None,
@@ -256,13 +257,15 @@ def analyse(
         refuse_trials_of_many,
         refuse_without_all,
     )
+    from station.record.run_names import find_run
 
     if every_run:
         refuse_trials_of_many(trials)
         raise typer.Exit(analyse_store(data, output, scheduler, with_calibration, as_json=json))
     refuse_without_all(scheduler, with_calibration, trials)
     propagate = by_trials(trials, seed, scheduler)
-    raise typer.Exit(analyse_data(data, output, propagate, compare=compare, as_json=json))
+    folder = find_run(Path(data))
+    raise typer.Exit(analyse_data(folder, output, propagate, compare=compare, as_json=json))
 
 
 app.command("analyze", hidden=True)(analyse)

@@ -16,6 +16,7 @@ from station.history.alarms import Alarm, Known, alarms_named, alarms_of
 from station.history.series import Series, series_of
 from station.history.store import Acknowledgement, Entry, History, Wanted
 from station.record.files import write_whole_file
+from station.record.stores import is_url
 from station.report.numbers import format_with_uncertainty
 from station.safety.acknowledgement import user_name
 from station.speech import in_columns, said, show
@@ -25,11 +26,24 @@ NEWEST = 20
 
 
 def show_history(
-    parent: Path, wanted: Wanted, *, rebuild: bool, page: Path | None, as_json: bool
+    parent: Path,
+    wanted: Wanted,
+    *,
+    rebuild: bool,
+    store: str | None = None,
+    page: Path | None,
+    as_json: bool,
 ) -> None:
-    """Take in what is new below `parent`, then print, plot or give the results asked for."""
-    with closing(History(parent)) as history:
-        count, left_out = history.rebuild() if rebuild else history.take_in()
+    """Take in what is new below `parent`, then print, plot or give the results asked for.
+
+    With `rebuild` all that is there is read again, or that of a `store`, a folder or a URL.
+    """
+    remote = store is not None and is_url(store)
+    with closing(History(parent if store is None or remote else Path(store))) as history:
+        if store is not None and remote:
+            count, left_out = history.rebuild_from(store)
+        else:
+            count, left_out = history.rebuild() if rebuild else history.take_in()
         entries, known = history.results(wanted), history.acknowledgements()
     alarms = alarms_of(entries, known)
     for sentence in left_out:

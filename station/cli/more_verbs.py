@@ -130,6 +130,10 @@ def report(
 
 
 def history(
+    store: Annotated[
+        str | None,
+        typer.Argument(help="With --rebuild: folder of the runs, or URL of a store of runs."),
+    ] = None,
     dut: Annotated[str | None, typer.Option(metavar="SERIAL", help="Of this unit.")] = None,
     procedure: Annotated[str | None, typer.Option(help="Of this procedure.")] = None,
     result: Annotated[str | None, typer.Option(metavar="NAME", help="This result.")] = None,
@@ -160,6 +164,8 @@ def history(
     from station.cli.history import acknowledge_alarms, show_history
     from station.history.store import Wanted
 
+    if store is not None and not rebuild:
+        raise typer.BadParameter("a store goes with --rebuild, as in `--rebuild STORE`")
     if acknowledge:
         if any((dut, procedure, result, bench, check_standards, rebuild, html)):
             raise typer.BadParameter(
@@ -173,7 +179,7 @@ def history(
     if reason is not None or new_baseline:
         raise typer.BadParameter("--reason and --new-baseline go with --acknowledge ID")
     wanted = Wanted(dut, procedure, bench, result, check_standards or None)
-    show_history(output, wanted, rebuild=rebuild, page=html, as_json=json)
+    show_history(output, wanted, rebuild=rebuild, store=store, page=html, as_json=json)
 
 
 def compare(

@@ -15,6 +15,8 @@ from station.files.faults import listed, meant, nearest
 from station.findings import Findings
 from station.reanalysis.one_run import Row
 from station.record.layout import EVENTS
+from station.record.run_names import find_run
+from station.record.stores import is_url, run_urls
 from station.runner.evaluation import Propagate
 from station.speech import show
 
@@ -27,16 +29,17 @@ NOTICED_U = 1e-6
 
 
 def analyse_store(
-    store: Path,
+    store: str,
     output: Path | None,
     scheduler: str | None,
     calibration: Path | None,
     *,
     as_json: bool,
 ) -> int:
-    """Evaluate every run below a folder again, write the table, print what changed.
+    """Evaluate every run of a store again, write the table, print what changed.
 
-    Returns the exit code: 2 where a run cannot be evaluated. Raises InputError where there is none.
+    The store is a folder or a URL. Returns the exit code: 2 where a run cannot be evaluated. Raises
+    InputError where there is none.
     """
     from station.reanalysis.recall import read_recall
     from station.reanalysis.scheduling import evaluated, refuse_without_packages
@@ -44,10 +47,12 @@ def analyse_store(
 
     refuse_without_packages()
     recall = read_recall(calibration) if calibration else None
-    folders = run_folders(store)
-    file = made(output or store) / TABLE
+    folders = runs_of(store, output)
+    file = made(output or Path(store)) / TABLE
     write_table([], file.with_name(f".{TABLE}.tried"))  # before hours of work, not after them
     file.with_name(f".{TABLE}.tried").unlink()
+    if recall:
+        refuse_unknown(recall.replaces, folders)
     rows: list[Row] = []
 
     def say(number: int, left: str) -> None:
@@ -55,8 +60,6 @@ def analyse_store(
 
     for several in reported(evaluated(folders, recall, scheduler), len(folders), say):
         rows.extend(several)
-    if recall and not any("recalled" in row for row in rows):
-        refuse_unknown(recall.replaces, folders)
     rows.sort(key=lambda row: row["folder"])
     write_table(rows, file)
     summary = summary_of(rows, len(folders), file)
@@ -102,6 +105,18 @@ def by_trials(trials: int | None, seed: int, scheduler: str | None) -> Propagate
     return propagate
 
 
+def runs_of(store: str, output: Path | None) -> list[str]:
+    """Return the run folders of a store, at any depth; raises InputError for none.
+
+    The table of a store by its URL goes into `output`: nothing is written there.
+    """
+    if not is_url(store):
+        return run_folders(find_run(Path(store)))
+    if output is None:
+        raise InputError(f"nothing is written into {store}; say by --output where the table goes")
+    return run_urls(store)
+
+
 def run_folders(store: Path) -> list[str]:
     """Return the run folders below a folder, at any depth; raises InputError for none."""
     folders = sorted({str(path.parent.resolve()) for path in store.rglob(EVENTS)})
@@ -112,14 +127,21 @@ def run_folders(store: Path) -> list[str]:
 
 
 def refuse_unknown(certificate: str, folders: Sequence[str]) -> None:
-    """Raise InputError where no run used a certificate, with those that runs used."""
+    """Raise InputError where no run used a certificate, with those that runs used.
+
+    It is asked before hours of work; the newest runs are looked at first, until one used it.
+    """
     from station.reanalysis.one_run import certificates_of
 
-    known = sorted({name for folder in folders for name in certificates_of(folder)})
-    if certificate not in known:
-        what = f"no run used certificate '{certificate}'; those that runs used: {listed(known)}"
-        near = nearest(certificate, known)
-        raise InputError(meant(what, f"'{near}'" if near else None))
+    known = set[str]()
+    for folder in reversed(folders):
+        known |= certificates_of(folder)
+        if certificate in known:
+            return
+    names = sorted(known)
+    what = f"no run used certificate '{certificate}'; those that runs used: {listed(names)}"
+    near = nearest(certificate, names)
+    raise InputError(meant(what, f"'{near}'" if near else None))
 
 
 def summary_of(rows: Sequence[Row], runs: int, file: Path) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from station.history.summary import DAMAGE, RunSummary, key_of, manifest_head, s
 from station.history.tables import ACKNOWLEDGEMENTS, INSTRUMENTS, RESULTS, RUNS
 from station.history.versions import PATIENCE_S, bring_up_to_date, write_alone
 from station.record.run_names import runs_below
+from station.record.stores import run_at_hand, run_urls
 from station.record.verification import was_in
 
 AT_ONCE = 500
@@ -172,6 +173,28 @@ class History:
                     _forget(connection, row.id)
         return self._add(runs_below(self._parent))
 
+    def rebuild_from(self, store: str) -> tuple[int, list[str]]:
+        """Take in every run of a store that a URL names, and forget those of it that are gone.
+
+        Of each run all but its raw data is copied to be read. Returns how many, and what was left
+        out.
+        """
+        urls, left_out = run_urls(store), list[str]()
+        with self._begun() as connection:
+            write_alone(connection)
+            below = RUNS.c.folder.startswith(f"{store.rstrip('/')}/", autoescape=True)
+            for row in connection.execute(select(RUNS.c.id, RUNS.c.folder).where(below)).all():
+                if row.folder not in urls:
+                    _forget(connection, row.id)
+        count = 0
+        for url in urls:
+            try:
+                with run_at_hand(url, raw=False) as folder:
+                    count += self._write([summary_of(folder, url)], left_out)
+            except InputError as error:
+                left_out.append(str(error))
+        return count, left_out
+
     def results(self, wanted: Wanted = Wanted()) -> list[Entry]:
         """Return the results that are asked for, oldest first."""
         with self._begun() as connection:
@@ -282,7 +305,7 @@ def _replace(connection: Connection, summary: RunSummary) -> bool:
         if elsewhere and there and known.verdict is not None:
             return False
         same_run = known.key in (None, run["key"]) and known.verdict is not None
-        if same_run and not was_in(Path(run["folder"]), known.head):
+        if same_run and not was_in(summary.at, known.head):
             raise InputError(f"{run['folder']} is {NOT_TAKEN_IN}; it stays as it was taken in")
         _forget(connection, known.id)
     new = connection.execute(insert(RUNS).values(**run)).inserted_primary_key

@@ -43,15 +43,19 @@ DAMAGE = (
 
 @dataclass(frozen=True)
 class RunSummary:
-    """A run as the tables hold it: its own row, and those of its results and its instruments."""
+    """A run as the tables hold it: its own row, and those of its results and its instruments.
 
+    `at` is where it is read, for as long as that is there.
+    """
+
+    at: Path
     run: Row
     results: tuple[Row, ...]
     instruments: tuple[Row, ...]
 
 
-def summary_of(folder: Path) -> RunSummary:
-    """Return what the history keeps of a run.
+def summary_of(folder: Path, url: str | None = None) -> RunSummary:
+    """Return what the history keeps of a run; with `url` the folder is a copy of the one there.
 
     Raises InputError where it cannot be read, or a quick look shows that it was altered.
     """
@@ -59,7 +63,7 @@ def summary_of(folder: Path) -> RunSummary:
         state = quick_look(folder)
         if state.state == "altered":
             raise InputError(f"{folder} is not taken into the history: {state.sentence()}")
-        return _summary(folder)
+        return _summary(folder, url)
     except DAMAGE as error:
         raise InputError(
             f"{folder} cannot be taken into the history ({error}); `station verify` says what is "
@@ -67,7 +71,7 @@ def summary_of(folder: Path) -> RunSummary:
         ) from error
 
 
-def _summary(folder: Path) -> RunSummary:
+def _summary(folder: Path, url: str | None) -> RunSummary:
     for name in (EVENTS, RUN, PLAN, BENCH):
         if not is_own_file(folder / name):
             raise ValueError(f"{name} is missing, or is no plain file")
@@ -82,8 +86,8 @@ def _summary(folder: Path) -> RunSummary:
         "key": _key(whole, facts),
         "host": facts["host"],
         "run": folder.name,
-        "computer": socket.gethostname(),
-        "folder": str(folder.resolve()),
+        "computer": socket.gethostname() if url is None else "/".join(url.split("/")[:3]),
+        "folder": str(folder.resolve()) if url is None else url,
         "started_utc": facts["started_utc"],
         "ended_utc": facts.get("ended_utc"),
         "procedure": begun["procedure"],
@@ -98,6 +102,7 @@ def _summary(folder: Path) -> RunSummary:
         "head": manifest_head(folder),
     }
     return RunSummary(
+        folder,
         _as_kept(run, RUNS),
         tuple(_as_kept(row, RESULT_TABLE) for row in _results(document)),
         tuple(_as_kept(row, INSTRUMENTS) for row in _instruments(whole)),

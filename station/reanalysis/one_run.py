@@ -12,6 +12,7 @@ from typing import Any
 from station.errors import StationError, reason_of
 from station.reanalysis.recall import Recall
 from station.record.folder import RESULTS, RunFolder
+from station.record.stores import is_url, run_at_hand
 from station.recorded import read_plan_and_bench, used_instruments
 from station.results import ResultDocument
 from station.runner.evaluation import evaluate_run, text_of
@@ -22,30 +23,36 @@ Row = dict[str, Any]
 def rows_of_run(path: str, recall: Recall | None = None) -> list[Row]:
     """Return a row for each result of a run, beside what its folder stores; units as in the result.
 
-    With a `recall` only of a run that used the recalled certificate, with the new record in its
-    place. A run that cannot be evaluated has one row that says why.
+    Of a run that a URL names a copy is evaluated, in a temporary folder. With a `recall` only of a
+    run that used the recalled certificate, with the new record in its place. A run that cannot be
+    evaluated has one row that says why.
     """
-    folder = RunFolder(Path(path))
-    about: Row = {"run": folder.path.name, "folder": path}
+    about: Row = {"run": path.rpartition("/")[2] if is_url(path) else Path(path).name}
+    about["folder"] = path
     try:
-        facts = folder.run_facts()
-        plan, bench = read_plan_and_bench(folder)
-        about |= {
-            "procedure": plan.procedure,
-            "model": plan.dut.model,
-            "serial": plan.dut.serial,
-            "started_utc": facts["started_utc"],
-            "bench": bench.name,
-        }
-        if recall is not None:
-            began = dt.date.fromisoformat(facts["started_utc"][:10])
-            recalled = recall.concerned(bench, used_instruments(folder), began)
-            if not recalled:
-                return []
-            about["recalled"] = ", ".join(recalled)
-        document, _ = evaluate_run(folder, recall.applied if recall else None)
+        with run_at_hand(path) as folder:
+            return _rows(RunFolder(folder), recall, about)
     except (StationError, OSError, ValueError, LookupError, TypeError) as error:
         return [{**about, "error": reason_of(error)}]
+
+
+def _rows(folder: RunFolder, recall: Recall | None, about: Row) -> list[Row]:
+    facts = folder.run_facts()
+    plan, bench = read_plan_and_bench(folder)
+    about |= {
+        "procedure": plan.procedure,
+        "model": plan.dut.model,
+        "serial": plan.dut.serial,
+        "started_utc": facts["started_utc"],
+        "bench": bench.name,
+    }
+    if recall is not None:
+        began = dt.date.fromisoformat(facts["started_utc"][:10])
+        recalled = recall.concerned(bench, used_instruments(folder), began)
+        if not recalled:
+            return []
+        about["recalled"] = ", ".join(recalled)
+    document, _ = evaluate_run(folder, recall.applied if recall else None)
     about |= {
         "verdict": document.verdict,
         "flags": ", ".join(dict.fromkeys(flag.code for flag in document.flags)),
@@ -56,10 +63,11 @@ def rows_of_run(path: str, recall: Recall | None = None) -> list[Row]:
 
 def certificates_of(path: str) -> set[str]:
     """Return the certificates of the instruments that a run used; none where it cannot be read."""
-    folder = RunFolder(Path(path))
     try:
-        bench = read_plan_and_bench(folder)[1]
-        records = [bench.record(name) for name in used_instruments(folder)]
+        with run_at_hand(path, raw=False) as place:
+            folder = RunFolder(place)
+            bench = read_plan_and_bench(folder)[1]
+            records = [bench.record(name) for name in used_instruments(folder)]
     except (StationError, OSError, ValueError, LookupError, TypeError):
         return set()
     return {record.certificate for record in records if record and record.certificate}

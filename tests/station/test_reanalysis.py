@@ -106,17 +106,16 @@ def test_a_recalled_certificate_moves_what_used_it_and_nothing_else(
 def test_a_certificate_that_no_run_used_is_refused_with_those_that_runs_used(
     store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    with pytest.raises(
+        InputError, match=r"certificate 'SIM-F71-001'; .*did you mean 'SIM-F71-0001'"
+    ) as raised:  # before anything is evaluated
+        wrong = recalled(tmp_path, replaces="SIM-F71-001")
+        analyse_store(str(store / "a"), tmp_path, "tcp://nobody:1", wrong, as_json=False)
     with LocalCluster(
         n_workers=1, processes=False, protocol="tcp", dashboard_address=None
     ) as there:
-        scheduler = there.scheduler_address
-        with pytest.raises(
-            InputError, match=r"certificate 'SIM-F71-001'; .*did you mean 'SIM-F71-0001'"
-        ) as raised:
-            wrong = recalled(tmp_path, replaces="SIM-F71-001")
-            analyse_store(store / "a", tmp_path, scheduler, wrong, as_json=False)
-        none_since = recalled(tmp_path, since="2099-01-01")
-        assert analyse_store(store / "a", tmp_path, scheduler, none_since, as_json=False) == 0
+        scheduler, none_since = there.scheduler_address, recalled(tmp_path, since="2099-01-01")
+        assert analyse_store(str(store / "a"), tmp_path, scheduler, none_since, as_json=False) == 0
     assert "SIM-BOARD-0001" in str(raised.value)
     assert "0 of 1 runs used certificate SIM-F71-0001" in capsys.readouterr().out
 
@@ -132,10 +131,10 @@ def test_what_will_fail_at_the_end_fails_at_the_beginning(
     taken = tmp_path / "taken"
     taken.write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="--output"):
-        analyse_store(store, taken, "tcp://nobody:1", None, as_json=False)
+        analyse_store(str(store), taken, "tcp://nobody:1", None, as_json=False)
     monkeypatch.setattr(scheduling, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"inertial-station\[cluster\]"):
-        analyse_store(store, tmp_path, "tcp://nobody:1", None, as_json=False)
+        analyse_store(str(store), tmp_path, "tcp://nobody:1", None, as_json=False)
 
 
 def test_a_wrong_recall_or_store_says_what_is_wrong(tmp_path: Path) -> None:

@@ -193,6 +193,35 @@ def test_what_several_processes_take_in_at_once_is_there_once(
     assert len(rows) == 80
 
 
+def test_a_history_is_rebuilt_from_a_store_by_its_url(tmp_path: Path) -> None:
+    made_run(tmp_path / "store" / "bench 1", 1, 1.1)
+    gone = made_run(tmp_path / "store" / "bench 2", 2, 1.2, serial="SN-2")
+    mine = made_run(tmp_path / "mine", 3, 1.3, serial="SN-3")
+    shutil.copytree(mine, tmp_path / "store" / "copy")
+    store = f"file://{tmp_path / 'store'}"
+    mine_alone = kept(tmp_path / "mine")
+    with closing(History(tmp_path / "mine")) as history:
+        assert history.rebuild_from(store) == (2, [])
+        assert [entry.value for entry in history.results()] == [1.1, 1.2, 1.3]
+        assert [row["folder"] for row in history.runs()][1:] == [
+            f"{store}/bench 2/{gone.name}",
+            f"{store}/bench 1/{next((tmp_path / 'store' / 'bench 1').iterdir()).name}",
+        ]
+        (gone / "manifest.json").unlink()
+        assert history.rebuild_from(store)[0] == 1
+        shutil.rmtree(gone)
+        assert history.rebuild_from(store) == (1, [])
+        assert [entry.value for entry in history.results()] == [1.1, 1.3]
+        assert history.rebuild() == (1, [])
+        assert [entry.value for entry in history.results()] == [1.1, 1.3]
+    assert mine_alone == [("SN-3", 1.3)]
+    done = station(tmp_path, "history", "--rebuild", store, "--output", "mine")
+    assert (done.returncode, "1 runs taken" in done.stderr) == (0, True)
+    assert station(tmp_path, "history", store, "--output", "mine").returncode == 2
+    done = station(tmp_path, "history", "--rebuild", "nothing://store", "--output", "mine")
+    assert (done.returncode, "cannot be read" in done.stderr) == (2, True)
+
+
 @IN_A_FILE
 def test_a_server_that_is_gone_or_silent_is_a_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
