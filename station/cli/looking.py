@@ -98,18 +98,7 @@ def runs_taken_in(url: str, search: str, most: int, skip: int) -> list[dict[str,
     from station.history.store import History
 
     with closing(History(RUNS, url)) as history:
-        rows = history.runs(search, most, skip)
-    kept = ("run", "procedure", "bench", "serial", "operator", "verdict", "state")
-    return [
-        {
-            **{key: row[key] for key in kept},
-            "started": row["started_utc"],
-            "running": False,
-            "computer": row["computer"],
-            "folder": row["folder"],
-        }
-        for row in rows
-    ]
+        return [{**row, "running": False} for row in history.runs(search, most, skip)]
 
 
 def about(procedure: str) -> str:

@@ -27,6 +27,7 @@ from station.history.place import FILE, URL, beside, url_of
 from station.history.summary import DAMAGE, RunSummary, key_of, manifest_head, summary_of
 from station.history.tables import ACKNOWLEDGEMENTS, INSTRUMENTS, RESULTS, RUNS
 from station.history.versions import PATIENCE_S, bring_up_to_date, write_alone
+from station.record.run_list import SEARCHED
 from station.record.run_names import runs_below
 from station.record.stores import run_at_hand, run_urls
 from station.record.verification import was_in
@@ -49,7 +50,7 @@ TEXTS = (
     "unit",
     "verdict",
 )
-SEARCHED = ("run", "serial", "operator", "verdict", "state")
+LISTED = ("run", "procedure", "bench", "serial", "operator", "verdict", "state")
 BYTE_ORDER = {"postgresql": "C", "sqlite": "BINARY"}
 """What databases call the order of bytes; PostgreSQL's own may be that of a dictionary."""
 _HERE = socket.gethostname()
@@ -205,11 +206,14 @@ class History:
     def runs(self, search: str = "", most: int | None = None, skip: int = 0) -> list[RowMapping]:
         """Return the newest runs but the first few, at most so many, as they were taken in.
 
-        Those alone of which a word holds the text.
+        Those alone of which a word holds the text. What is listed of each is what is of a folder,
+        with the computer that has it.
         """
-        searched = (getattr(RUNS.c, name) for name in SEARCHED)
+        searched = (RUNS.c[name] for name in SEARCHED)
         holds = or_(*(column.icontains(search, autoescape=True) for column in searched))
-        query = select(RUNS).where(holds) if search else select(RUNS)
+        listed = (RUNS.c[name] for name in (*LISTED, "computer", "folder"))
+        query = select(*listed, RUNS.c.started_utc.label("started"))
+        query = query.where(holds) if search else query
         by_bytes = BYTE_ORDER.get(self._engine.dialect.name)
         for column in (RUNS.c.started_utc, RUNS.c.run):
             query = query.order_by((column.collate(by_bytes) if by_bytes else column).desc())

@@ -45,7 +45,7 @@ DAMAGE = (
 class RunSummary:
     """A run as the tables hold it: its own row, and those of its results and its instruments.
 
-    `at` is where it is read, for as long as that is there.
+    `at` is the folder it was read from, which may be a copy for the moment.
     """
 
     at: Path

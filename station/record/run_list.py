@@ -13,6 +13,8 @@ from station.record.run_names import runs_below, serial_of
 from station.record.verification import quick_look
 
 RESULTS = "results.json"
+SEARCHED = ("run", "serial", "operator", "verdict", "state")
+"""The words of a run that are searched, here and in a history."""
 PLAN_FILE = re.compile(r"# (.+?), resolved$", re.MULTILINE)
 
 
@@ -33,8 +35,7 @@ def newest_runs(
             skip -= 1
             continue
         entry = entry_of(folder)
-        named = (entry[key] for key in ("run", "serial", "operator", "verdict", "state"))
-        if search.lower() in " ".join(filter(None, named)).lower():
+        if any(search.lower() in (entry[key] or "").lower() for key in SEARCHED):
             if skip:
                 skip -= 1
             else:
