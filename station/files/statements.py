@@ -14,8 +14,8 @@ from station.files.faults import Fault
 from station.files.yaml.document import Document, Where, leaves
 
 TO_BE_WRITTEN = re.compile(
-    "0|fixme|na|nil|none|notapplicable|notknown|null|tba|tbc|tbd|tobeconfirmed|tobedefined|"
-    "tobedetermined|todo|unknown|xx+|不详|不适用|待定|待填|无|暂无|未知"
+    "0|fixme|na|nil|notapplicable|notknown|null|tba|tbc|tbd|tobeconfirmed|tobedefined|"
+    "tobedetermined|todo|unknown|xx+|不详|不适用|待定|待填|未知"
 )
 """What stands where nothing is written yet, its letters and digits alone, in small letters."""
 INVISIBLE = "\u115f\u1160\u3164\uffa0"
