@@ -136,6 +136,7 @@ def certificate(
 
     revision = revision_of(folder, drawn=False)
     current, amendment, unissued = as_issued_now(folder, revision)
+    number = ""
     if current is not None and not unissued:
         if format == "pdf" and as_issued and letterhead is None:
             if paper is not None:
@@ -144,9 +145,11 @@ def certificate(
                     "is; leave --paper out"
                 )
             return kept_pdf(folder.path, folder.events, current)
-        unissued = f"This is a copy in another form: issued is certificate {current.number}."
-    sheet = sheet_of(certificate_of_run(folder, revision.document, amendment))
-    sheet = replace(sheet, drafts=(*sheet.drafts, unissued))
+        number = current.number
+        unissued = f"This is a copy in another form: issued is certificate {number}."
+    form = form_of(paper, letterhead, texts)
+    sheet = sheet_of(certificate_of_run(folder, revision.document, amendment, form))
+    sheet = replace(sheet, number=number or sheet.number, drafts=(*sheet.drafts, unissued))
     for reason in sheet.drafts:
         tell(f"draft: {reason}")
     sheet = sheet.translated(texts)
@@ -162,9 +165,10 @@ def as_issued_now(
 ) -> tuple[Issue | None, tuple[str, ...], str]:
     """Return the certificate in force, its amendment, and why what is made now is not issued.
 
-    That is empty where the one in force is of the same results.
+    That is empty where the one in force says the same: it is of the same results, or of others that
+    have nothing else for a certificate.
     """
-    from station.report.certificate import amendment_of
+    from station.report.certificate import amendment_of, certificate_of_run, content_of
 
     issues = issues_of(folder.events)
     current = in_force(issues)
@@ -174,7 +178,8 @@ def as_issued_now(
     if current.replaces:
         replaced_on = issues[current.replaces].date
         amendment = amendment_of(current.replaces, replaced_on, current.reason)
-    if current.results == file_hash(revision.path / RESULTS):
+    same = current.results == file_hash(revision.path / RESULTS)
+    if same or current.says == content_of(certificate_of_run(folder, revision.document)):
         return current, amendment, ""
     return (
         current,
@@ -191,8 +196,11 @@ def digital_certificate(folder: RunFolder, schema: Path | None) -> bytes:
     from station.report.xml_schema import refuse_invalid
 
     revision = revision_of(folder, drawn=False)
-    _, amendment, unissued = as_issued_now(folder, revision)
-    xml, drafts = dcc_of(certificate_of_run(folder, revision.document, amendment), unissued)
+    current, amendment, unissued = as_issued_now(folder, revision)
+    made = certificate_of_run(folder, revision.document, amendment)
+    if current is not None and not unissued:
+        made = replace(made, number=current.number)
+    xml, drafts = dcc_of(made, unissued)
     for reason in drafts:
         tell(f"draft: {reason}")
     if schema is not None:
@@ -233,12 +241,13 @@ def issue_certificate(
 
     revision = revision_of(folder, drawn=False)
     amendment = amendment_of(replaces, issues[replaces].date, reason.strip()) if replaces else ()
-    made = certificate_of_run(folder, revision.document, amendment)
+    form = form_of(paper, letterhead, texts)
+    made = certificate_of_run(folder, revision.document, amendment, form)
     if drafts := made.draft_reasons():
         for sentence in drafts:
             tell(f"draft: {sentence}")
         raise InputError(f"{path.name}: no certificate is issued of a draft")
-    content = content_of(made) + f" {paper} {texts.languages} {letterhead_hash(letterhead)}"
+    says = content_of(made)
     plan = read_plan_and_bench(folder)[0]
     issue = Issue(
         number=made.number,
@@ -246,7 +255,8 @@ def issue_certificate(
         device=f"{plan.dut.model} {plan.dut.serial}",
         customer=made.customer,
         languages=texts.languages,
-        content=hashlib.sha256(content.encode()).hexdigest(),
+        content=hashlib.sha256(f"{says} {form}".encode()).hexdigest(),
+        says=says,
         results=file_hash(revision.path / RESULTS),
         replaces=replaces,
         reason=reason.strip(),
@@ -260,13 +270,14 @@ def issue_certificate(
     print(path / issue.file)
 
 
-def letterhead_hash(letterhead: Path | None) -> str:
-    """Return a SHA-256 of the files of a letterhead; nothing where there is none."""
-    if letterhead is None or not letterhead.is_dir():
-        return ""
-    files = sorted(file for file in letterhead.iterdir() if file.is_file())
-    listed = "\n".join(f"{file.name} {file_hash(file)}" for file in files)
-    return hashlib.sha256(listed.encode()).hexdigest()
+def form_of(paper: str | None, letterhead: Path | None, texts: Texts) -> str:
+    """Return paper, languages, and a SHA-256 of the files of a letterhead where there is one."""
+    head = ""
+    if letterhead is not None and letterhead.is_dir():
+        files = sorted(file for file in letterhead.iterdir() if file.is_file())
+        listed = "\n".join(f"{file.name} {file_hash(file)}" for file in files)
+        head = hashlib.sha256(listed.encode()).hexdigest()
+    return f"{paper or 'a4'} {texts.languages} {head}"
 
 
 def report(

@@ -29,7 +29,8 @@ KEPT, ALTERED, MISSING = "kept", "altered", "missing"
 class Issue:
     """A certificate as it was issued, or is to be.
 
-    `content` is a SHA-256 of what it says, and `results` that of the results it was made of. It
+    `says` is a SHA-256 of what it says, `content` one of that in its form (languages, paper,
+    letterhead), and `results` that of the results it was made of. It
     `replaces` the certificate of that number, for a `reason`; the first of a run replaces none.
     """
 
@@ -42,6 +43,7 @@ class Issue:
     results: str
     replaces: str = ""
     reason: str = ""
+    says: str = ""
 
     @property
     def file(self) -> str:

@@ -56,11 +56,12 @@ ONLY_ITEMS = "The results relate only to the item that is identified above, as i
 
 
 def certificate_of_run(
-    folder: RunFolder, document: ResultDocument, amendment: tuple[str, ...] = ()
+    folder: RunFolder, document: ResultDocument, amendment: tuple[str, ...] = (), form: str = ""
 ) -> Certificate:
     """Return the certificate of a run; its number follows from what it says.
 
-    The same content has the same number on whatever day it is issued, an amended one another.
+    The same content has the same number on whatever day it is issued, an amended one another, and
+    so has one of another `form`: languages, paper, letterhead.
     """
     plan, bench = read_plan_and_bench(folder)
     procedure = procedure_of(plan.procedure)
@@ -119,12 +120,12 @@ def certificate_of_run(
         head=head_of_run(folder.path),
         amendment=amendment,
     )
-    return replace(certificate, number=f"{certificate.number}-{digest_of(certificate)}")
+    return replace(certificate, number=f"{certificate.number}-{digest_of(certificate, form)}")
 
 
-def digest_of(certificate: Certificate) -> str:
+def digest_of(certificate: Certificate, form: str) -> str:
     """Return eight hexadecimal digits that change with what a certificate says, its date aside."""
-    content = json.dumps([content_of(certificate), certificate.number, certificate.amendment])
+    content = json.dumps([content_of(certificate), certificate.number, certificate.amendment, form])
     return hashlib.sha256(content.encode()).hexdigest()[:8]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from decimal import ROUND_CEILING, Decimal
 from typing import TYPE_CHECKING
 
 from station.decision import overall
@@ -29,7 +30,7 @@ def not_below_cmc(
         return document, ()
     results, raised = [], []
     for result in document.results:
-        smallest = cmc_of(laboratory, result)
+        smallest = smallest_printed(cmc_of(laboratory, result))
         combined = None if result.by_convention else result.combined
         if smallest is None or combined is None or combined.expanded_uncertainty >= smallest:
             results.append(result)
@@ -52,6 +53,14 @@ def not_below_cmc(
         f"one of this measurement, for: {listed(raised)}."
     )
     return replace(document, results=results, verdict=verdict), (sentence,)
+
+
+def smallest_printed(cmc: float | None) -> float | None:
+    """Return the smallest U of two significant digits that is not below a CMC."""
+    if not cmc:
+        return cmc
+    exact = Decimal(repr(cmc))
+    return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - 1), ROUND_CEILING))
 
 
 def cmc_of(laboratory: Laboratory | None, result: Result) -> float | None:

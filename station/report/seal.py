@@ -7,6 +7,7 @@ was in that state, and what was done since.
 from __future__ import annotations
 
 import io
+from shlex import quote
 
 from station.report.sheet import Block
 
@@ -20,7 +21,7 @@ WHAT_IT_PROVES = (
 
 def seal(run: str, head: str) -> Block:
     """Return the head of the log of a run, the command that holds it against the run, its code."""
-    command = f"station verify {run} --head {head}"
+    command = f"station verify {quote(run)} --head {head}"
     rows = (("Head of the log", head), ("Command", command))
     return Block("seal", rows=rows, caption=WHAT_IT_PROVES, image=qr_code(command))
 

@@ -17,6 +17,7 @@ import pytest
 from certified_run import measured
 from pypdf import PdfReader
 
+from station.cli.analysing import new_revision
 from station.cli.looking import list_what_there_is
 from station.cli.reporting import NOT_ISSUED, issue_certificate, remake_report
 from station.cli.verifying import verified_run, verify_runs
@@ -32,6 +33,7 @@ from station.record.signatures import new_key, sign
 from station.record.verification import verify
 from station.report import certificate_fields
 from station.report.seal import seal
+from station.runner.evaluation import evaluate_run
 
 FIRST = Issue("N-1", "2026-03-01", "RLG-50 SN-1", "Ring Gyros Ltd", ("en",), "c", "r")
 KILLED_AT_EACH_STEP = """
@@ -210,6 +212,40 @@ def test_an_amended_certificate_names_the_one_it_replaces_and_both_are_listed(
     remake_report(moved, "pdf", "certificate")
     kept = (moved / "exports" / "certificate.pdf").read_bytes()
     assert kept == (moved / second.file).read_bytes()
+    remake_report(moved, "dcc", "certificate")
+    digital = (moved / "exports" / "certificate.dcc.xml").read_text(encoding="utf-8")
+    assert f">{second.number}<" in digital or f">DRAFT-{second.number}<" in digital
+
+
+@pytest.mark.usefixtures("real")
+def test_a_copy_issued_in_another_form_has_another_number(run: Path) -> None:
+    copy = run.parent / "copy" / run.name
+    shutil.copytree(run, copy)
+    issue(run)
+    issue(copy, language="zh")
+    assert issued(run)[0].says == issued(copy)[0].says
+    assert issued(run)[0].number != issued(copy)[0].number
+
+
+@pytest.mark.usefixtures("real")
+def test_results_that_say_the_same_on_paper_need_no_other_certificate(run: Path) -> None:
+    issue(run)
+    (only,) = issued(run)
+    folder = RunFolder(run)
+    document, findings = evaluate_run(folder)
+    estimates = [
+        replace(e, extra={**e.extra, "noticed": 1}) for e in findings.estimates
+    ]
+    results = [replace(r, estimate=e) for r, e in zip(document.results, estimates, strict=True)]
+    new_revision(folder, replace(document, results=results), findings)
+    remake_report(run, "pdf", "certificate")
+    pdf = (run / "exports" / "certificate.pdf").read_bytes()
+    assert pdf == (run / only.file).read_bytes()
+
+
+def test_the_command_of_the_seal_is_whole_for_a_shell() -> None:
+    (_, (_, command)) = seal("a run; rm -rf", "ab").rows
+    assert command == "station verify 'a run; rm -rf' --head ab"
 
 
 def test_what_a_saboteur_does_to_kept_certificates_is_named(run: Path) -> None:
