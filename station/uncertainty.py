@@ -118,7 +118,7 @@ def combine(
         ]
         lines.sort(key=lambda line: -line.contribution)
         effective_dof = float(total.df)
-        factor = float(GTC.rp.k_factor(effective_dof, COVERAGE_PERCENT))
+        factor = coverage_factor(effective_dof)
         standard = float(total.u)
         if estimate.method == MONTE_CARLO:
             own, effective_dof = estimate.extra["monte_carlo"], math.inf
@@ -126,6 +126,13 @@ def combine(
             factor = max(abs(end - estimate.value) for end in own["interval"]) / standard
         combined.append(Combined(standard, effective_dof, factor, factor * standard, tuple(lines)))
     return combined
+
+
+def coverage_factor(degrees_of_freedom: float) -> float:
+    """Return Student's t for a coverage of 95 %."""
+    import GTC
+
+    return float(GTC.rp.k_factor(degrees_of_freedom, COVERAGE_PERCENT))
 
 
 def _repeatability(estimate: Estimate, dof: float, variance: float) -> BudgetLine:

@@ -80,7 +80,7 @@ PROCEDURE = Procedure(
     measured_axes=lambda parameters: dict.fromkeys(UNITS, tuple(parameters.input_axis)),
     undetermined=undetermined,
     assumptions=(
-        "The bias instability B is that of the density B^2/(2 pi f): the Allan deviation's floor "
+        "The bias instability B is that of the density B^2/(2πf): the Allan deviation's floor "
         "is 0.664 B. The minimum of the curve, often quoted instead, is a result of its own.",
         "The noise is that of one temperature and attitude; the earth's rate is taken off the "
         "bias for the stated input axis.",

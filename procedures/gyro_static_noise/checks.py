@@ -99,8 +99,9 @@ def _noise(analysed: AxisAnalysis, settings: AnalysisSettings) -> Iterator[Flag]
         )
         yield not_identifiable(sentence, [COEFFICIENTS[0]], axis)
     if small:
+        names = ", ".join(small).replace("_", " ")
         sentence = (
-            f"Of {axis} the squares of {', '.join(small)} are less than "
+            f"Of {axis} the squares of {names} are less than "
             f"{settings.not_significant:g} of their standard uncertainties: the upper limits say "
             "what the record shows."
         )

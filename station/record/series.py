@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -119,7 +119,9 @@ def _apart(time_s: Array) -> list[int]:
 class RunSeries:
     """The series of a run, by source and column, for whoever watches it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, chosen: Callable[[str], bool] | None = None) -> None:
+        """Read a run folder: the first columns of each source, or all that are `chosen`."""
+        self._chosen = chosen
         self._raw = folder / RAW
         self._pulse_weight_arcsec = pulse_weight_arcsec(folder)
         self._tails: dict[Path, RawTail] = {}
@@ -138,7 +140,7 @@ class RunSeries:
             series = self._series.setdefault(source_of(path), {})
             for _, rows in tail.new_rows():
                 added = True
-                for name in columns_of(rows):
+                for name in columns_of(rows, self._chosen):
                     if name not in series:
                         series[name] = Thinned(counted=name == COUNTED)
                     series[name].add(rows[ARRIVAL], rows[name])
@@ -221,8 +223,8 @@ def source_of(path: Path) -> str:
     return path.stem.rpartition("-")[0]
 
 
-def columns_of(rows: Any) -> list[str]:
-    """Return the columns that are quantities."""
+def columns_of(rows: Any, chosen: Callable[[str], bool] | None = None) -> list[str]:
+    """Return the columns that are quantities: the first of them, or all that are chosen."""
     names = [
         name
         for name in rows.dtype.names
@@ -230,4 +232,4 @@ def columns_of(rows: Any) -> list[str]:
         and not rows.dtype[name].shape
         and not name.endswith(NO_QUANTITY)
     ]
-    return names[:MAX_COLUMNS]
+    return names[:MAX_COLUMNS] if chosen is None else [name for name in names if chosen(name)]

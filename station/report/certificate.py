@@ -32,8 +32,10 @@ from station.report.certificate_results import (
     left_out,
     measured,
     result_row,
+    upper_limits,
     verdict_sentence,
 )
+from station.report.context import Row
 from station.report.html import BADGES, RULES
 from station.report.numbers import NOTHING
 from station.report.run_report import instrument_rows, time_of_day, version_rows
@@ -46,8 +48,13 @@ AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa", "%": "%"}
 AMBIENT_PLACES = 2
 """Decimal places of what a source recorded."""
 DATE = len("2027-01-31")
+NO_PACKAGE = ("station", "git commit", "Python", "drivers of ", "computer")
+"""How the other rows of software begin."""
 SET_POINT = "set_point"
 """Columns that begin so were commanded, not measured."""
+AXIS = 1
+"""The column of the results that is left out where it is empty."""
+USED_ONLY = "Used, but in no budget of a result"
 NO_DEVIATION = "The plan states no deviation from the method."
 REPRODUCTION = (
     "This certificate may be reproduced in full only, unless the laboratory agrees in writing."
@@ -84,7 +91,7 @@ def certificate_of_run(
         order=references.pop("order", ""),
         work_instruction=references.pop("work_instruction", ""),
         references=tuple(references.items()),
-        method=f"{procedure.title}, after {procedure.source}" if procedure.source else "",
+        method=f"{procedure.title}, after: {procedure.source}" if procedure.source else "",
         cited=cited,
         deviations=header.deviations,
         device=tuple(device_rows(plan)),
@@ -101,7 +108,7 @@ def certificate_of_run(
         unstated=tuple(unstated_inputs(document)),
         results=tuple(measured(document)),
         conventions=tuple(result for result in document.results if result.by_convention),
-        remarks=(*raised, *left_out(document)),
+        remarks=(*raised, *left_out(document), *upper_limits(document)),
         curves=tuple(curves_of(document, laboratory)),
         assumptions=(*procedure.assumptions, *ASSUMED),
         decision_rule=RULES[plan.decision_rule],
@@ -166,14 +173,19 @@ def device_rows(plan: Plan) -> Iterator[tuple[str, str]]:
 
 def recorded_conditions(folder: RunFolder) -> Iterator[RecordedCondition]:
     """Yield the extremes and the mean of each condition that a source of the run recorded."""
-    series = RunSeries(folder.path)
+    series = RunSeries(folder.path, is_condition)
     series.look()
     for source, column, values in series.ranges():
         what, _, unit = column.rpartition("_")
-        if unit in AMBIENT_UNITS and not what.startswith(SET_POINT):
-            low, mean, high = (round(value, AMBIENT_PLACES) for value in values)
-            quantity = what.replace("_", " ")
-            yield RecordedCondition(source, quantity, low, mean, high, AMBIENT_UNITS[unit])
+        low, mean, high = (round(value, AMBIENT_PLACES) for value in values)
+        quantity = what.replace("_", " ")
+        yield RecordedCondition(source, quantity, low, mean, high, AMBIENT_UNITS[unit])
+
+
+def is_condition(column: str) -> bool:
+    """Tell whether a column of a record is a condition that was measured."""
+    what, _, unit = column.rpartition("_")
+    return unit in AMBIENT_UNITS and not what.startswith(SET_POINT)
 
 
 def ambient_rows(certificate: Certificate) -> list[tuple[str, ...]]:
@@ -234,8 +246,8 @@ def room_rows(certificate: Certificate) -> list[tuple[str, ...]]:
 
 def traceability(
     folder: RunFolder, plan: Plan, bench: Bench, procedure: Procedure
-) -> tuple[list[tuple[str, ...]], list[str]]:
-    """Return the records of the instruments that the results rest on, and the names of others.
+) -> tuple[list[tuple[str, ...]], list[Row]]:
+    """Return the records of the instruments that the results rest on, and name and model of others.
 
     What only commands and is in no budget needs no record. A record of which nothing is in u makes
     no result traceable.
@@ -248,12 +260,12 @@ def traceability(
         if bench.stated(use.instrument, use.quantity, use.at, use.unit) is not None
     }
     rows: list[tuple[str, ...]] = []
-    others: list[str] = []
+    others: list[Row] = []
     for row in instrument_rows(folder, bench):
         record = bench.record(row.name)
         named = f"{row.model} {row.serial}".strip()
         if row.name not in needed | stated:
-            others.append(f"{row.name} ({named})" if named else row.name)
+            others.append((row.name, named))
         elif record is not None and row.name in stated:
             rows.append(
                 (
@@ -284,6 +296,15 @@ def hash_rows(folder: RunFolder) -> Iterator[tuple[str, str]]:
     for name, digest in sorted(covered_files(folder.path).items()):
         if name.startswith(f"{RAW}/"):
             yield name, digest
+
+
+def software_rows(certificate: Certificate) -> list[Row]:
+    """Return the software and the computer, all packages in a row."""
+    packages = [row for row in certificate.versions if not row[0].startswith(NO_PACKAGE)]
+    rows = [row for row in certificate.versions if row not in packages]
+    if packages:
+        rows.insert(-1, ("packages", ", ".join(f"{name} {text}" for name, text in packages)))
+    return rows
 
 
 def sheet_of(certificate: Certificate) -> Sheet:
@@ -344,7 +365,7 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
         yield Section("Conditions of the room", (grid(read, room),))
     yield Section("Traceability", tuple(traceability_blocks(certificate)))
     hashes = grid(("File of the run", "SHA-256"), certificate.hashes)
-    yield Section("Raw data and software", (hashes, pairs(certificate.versions)))
+    yield Section("Raw data and software", (hashes, pairs(software_rows(certificate))))
     if certificate.head:
         yield Section("Seal", (seal(certificate.run, certificate.head),))
     yield Section("Statements", (sentences((ONLY_ITEMS, REPRODUCTION)),))
@@ -370,7 +391,9 @@ def result_blocks(certificate: Certificate) -> Iterator[Block]:
         "distribution and the effective degrees of freedom (GUM, annex G). It has two significant "
         "digits, and the value is rounded to it."
     )
-    yield grid(columns, [row[: len(columns)] for row in rows], caption)
+    # A device that has no axes needs no column of them.
+    kept = [n for n in range(len(columns)) if n != AXIS or any(row[AXIS] for row in rows)]
+    yield grid([columns[n] for n in kept], [[row[n] for n in kept] for row in rows], caption)
     if decided:
         yield pairs(
             (("Decision", certificate.verdict), ("Decision rule", certificate.decision_rule))
@@ -398,5 +421,4 @@ def traceability_blocks(certificate: Certificate) -> Iterator[Block]:
     if certificate.si_statement:
         yield sentences((certificate.si_statement,))
     if certificate.other_instruments:
-        used = ", ".join(certificate.other_instruments)
-        yield sentences((f"Used, but in no budget of a result: {used}.",))
+        yield grid(columns[:2], certificate.other_instruments, title=USED_ONLY)

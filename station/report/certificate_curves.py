@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from station.report.certificate_cmc import cmc_of
 from station.report.numbers import format_with_uncertainty, last_place, rounded, typeset
+from station.uncertainty import coverage_factor
 
 if TYPE_CHECKING:
     from station.instruments.laboratory import Laboratory
@@ -24,6 +25,7 @@ HOLDS_WITHIN = (
     "The curve y over the temperature T of its thermometer, in degC. It holds within this range "
     "and nowhere else."
 )
+NO_U_ALONG = "U is known where the result is stated, and not along the curve."
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,9 @@ class Curves:
         """Yield the formulas as a table, then the points where there are any."""
         columns = ("Axis", f"y in {self.unit}", "t", "T in degC")
         rows = tuple((c.axis or "", c.formula, c.scaled, c.span) for c in self.curves)
-        yield f"{self.name} over temperature", columns, rows, HOLDS_WITHIN
         known = [curve for curve in self.curves if curve.points]
+        caption = HOLDS_WITHIN if known else f"{HOLDS_WITHIN} {NO_U_ALONG}"
+        yield f"{self.name} over temperature", columns, rows, caption
         if known:
             yield self._values(known)
 
@@ -123,6 +126,8 @@ def _polynomial(result: Result) -> str:
         digits = f"{power:.6g}"
         if math.isfinite(smallest) and smallest > 0:
             digits = rounded(power, last_place(smallest, 1) - FINER)
+        if n and float(digits) == 0.0:
+            continue
         sign = "" if not text else " + "
         if digits.startswith("-"):
             digits, sign = digits[1:], " − " if text else "−"
@@ -144,7 +149,11 @@ def _round_temperatures(results: Sequence[Result]) -> list[float]:
 
 
 def _point(result: Result, temperature_degC: float, cmc: float) -> Point:
-    """Return a curve and its U at a temperature, that of the thermometer included."""
+    """Return a curve and its U at a temperature, that of all its budget included.
+
+    What depends on the thermometer grows with the slope there; what else is of type B is that of
+    the budget at every temperature. Where the result itself is stated, U is that of the result.
+    """
     import numpy as np
     from numpy.polynomial import Chebyshev
 
@@ -155,10 +164,27 @@ def _point(result: Result, temperature_degC: float, cmc: float) -> Point:
         float(np.interp(temperature_degC, band["temperature_degC"], band[name]))
         for name in ("standard_uncertainty", "expanded_uncertainty")
     )
+    value, combined = float(curve(temperature_degC)), result.combined
+    if combined is not None and result.estimate.holds_at == f"{temperature_degC:g} degC":
+        expanded = max(combined.expanded_uncertainty, cmc)
+        return Point(temperature_degC, value, expanded, combined.coverage_factor)
     by_degC = float(curve.deriv()(temperature_degC))
-    u_degC = math.hypot(
-        *(line.standard_uncertainty or 0.0 for line in result.budget if line.unit == "degC")
-    )
-    factor = expanded / standard if standard else 1.0
-    whole = factor * math.hypot(standard, by_degC * u_degC) if standard else expanded
-    return Point(temperature_degC, float(curve(temperature_degC)), max(whole, cmc), factor)
+    parts = [
+        (by_degC * (line.standard_uncertainty or 0.0), line.degrees_of_freedom)
+        if line.unit == "degC"
+        else (line.contribution, line.degrees_of_freedom)
+        for line in result.budget
+        if line.kind == "B"
+    ]
+    own = [line.degrees_of_freedom for line in result.budget if line.kind == "A"]
+    factor, u = expanded / standard if standard else 1.0, standard
+    if own and standard:
+        parts.append((standard, own[0]))
+        u = math.hypot(*(part for part, _ in parts))
+        factor = coverage_factor(u**4 / spread if (spread := _spread(parts)) else math.inf)
+    return Point(temperature_degC, value, max(factor * u, cmc), factor)
+
+
+def _spread(parts: Sequence[tuple[float, float]]) -> float:
+    """Return what the effective degrees of freedom divide (Welch-Satterthwaite; GUM, G.4)."""
+    return sum(part**4 / dof for part, dof in parts if math.isfinite(dof))

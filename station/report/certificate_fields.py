@@ -129,7 +129,7 @@ class Certificate:
     room: tuple[RoomCondition, ...]
     traceability: tuple[tuple[str, ...], ...]
     si_statement: str
-    other_instruments: tuple[str, ...]
+    other_instruments: tuple[Row, ...]
     unstated: tuple[Row, ...]
     results: tuple[Result, ...]
     conventions: tuple[Result, ...]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from station.report.html import BADGES, counted, verdict_words
-from station.report.numbers import NOTHING, format_limit, format_with_uncertainty
+from station.report.numbers import NOTHING, format_limit, format_with_uncertainty, typeset
 from station.results import LIMIT_WITHOUT_RESULT
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ ASSUMED = (
     "statement on its stability or on other units of the type.",
 )
 """What holds for the results of every procedure."""
+NOT_SIGNIFICANT = "not-significant"
 NEARLY_CERTAIN = 0.999
 """A probability of conformity beyond it is stated as a bound: no model is better known."""
 
@@ -43,7 +44,7 @@ def result_row(result: Result) -> tuple[str, ...]:
     """Return a result as printed: U with two significant digits, the value rounded to it."""
     estimate, combined = result.estimate, result.combined
     value, expanded = format_with_uncertainty(estimate.value, result.expanded_uncertainty)
-    at = f" at {estimate.holds_at}" if estimate.holds_at else ""
+    at = f" at {typeset(estimate.holds_at)}" if estimate.holds_at else ""
     return (
         f"{name_of(result)}{at}",
         estimate.axis or "",
@@ -89,6 +90,23 @@ def left_out(document: ResultDocument) -> Iterator[str]:
     limited = [result for result in missing if result.limit is not None]
     if limited:
         yield f"Nothing can be held against the limit of {listed(limited)}."
+
+
+def upper_limits(document: ResultDocument) -> Iterator[str]:
+    """Yield a sentence with the upper limit of each result that a flag says is noise alone."""
+    noise = {
+        (name, flag.axis)
+        for flag in document.flags
+        if flag.code == NOT_SIGNIFICANT
+        for name in flag.details.get("coefficients", ())
+    }
+    for result in document.results:
+        estimate = result.estimate
+        limit = estimate.extra.get("upper_limit")
+        if limit is not None and (estimate.name, estimate.axis) in noise:
+            shown = format_with_uncertainty(limit, result.expanded_uncertainty)[0]
+            stated = shown if estimate.unit == "1" else f"{shown} {estimate.unit}"
+            yield f"{listed([result])}: the upper limit (95 %) is {stated}."
 
 
 def listed(results: Iterable[Result]) -> str:

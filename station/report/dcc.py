@@ -17,6 +17,7 @@ from station.report.certificate import (
     NO_DEVIATION,
     ONLY_ITEMS,
     REPRODUCTION,
+    USED_ONLY,
     is_decided,
 )
 from station.report.certificate_curves import Curve, Curves
@@ -194,7 +195,9 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
     if certificate.si_statement:
         yield certificate.si_statement
     if certificate.other_instruments:
-        yield f"Used, but in no budget of a result: {', '.join(certificate.other_instruments)}."
+        others = certificate.other_instruments
+        listed = ", ".join(f"{name} ({model})" if model else name for name, model in others)
+        yield f"{USED_ONLY}: {listed}."
     for name, digest in certificate.hashes:
         yield f"SHA-256 of {name}: {digest}"
     yield from (ONLY_ITEMS, REPRODUCTION)

@@ -15,15 +15,19 @@ SIGNS = {
 """Names of units, or the beginning of one, with the sign that stands for it."""
 ROOT = r"sqrt\((?P<root>\w+)\)"
 POWER = r"(?<=[\w)])\^(?P<power>-?\d+)"
+EXPONENT = r"(?<![\w.])(?P<mantissa>\d+(?:\.\d+)?)e(?P<exponent>[-+]\d+)(?!\w)"
 TYPED = "`[^`]*`"
 """What is typed at a terminal or stands in a file: it stays as it is."""
 _NAMES = "|".join(rf"(?P<s{n}>(?<![A-Za-z_]){name})" for n, name in enumerate(SIGNS))
-_UNITS = re.compile(rf"{TYPED}|{ROOT}|{POWER}|(?:{_NAMES})(?!_)")
+_UNITS = re.compile(rf"{TYPED}|{ROOT}|{POWER}|{EXPONENT}|(?:{_NAMES})(?!_)")
 _BY_GROUP = {f"s{n}": sign for n, sign in enumerate(SIGNS.values())}
 
 
 def with_signs(text: str) -> str:
-    """Return a text with typeset units: `V/g^2` as V/g², `deg/sqrt(h)` as deg/√h, `degC` as °C."""
+    """Return a text with typeset units and powers of ten.
+
+    `V/g^2` is V/g², `deg/sqrt(h)` deg/√h, `degC` °C, `4.6e-05` 4.6·10⁻⁵.
+    """
     return _UNITS.sub(_sign, text)
 
 
@@ -33,4 +37,6 @@ def _sign(match: re.Match[str]) -> str:
         return f"√{match['root']}"
     if group == "power":
         return match["power"].translate(RAISED)
+    if group == "exponent":
+        return f"{match['mantissa']}·10{str(int(match['exponent'])).translate(RAISED)}"
     return _BY_GROUP.get(group or "", match.group())

@@ -12,7 +12,7 @@ from station.clock import RealClock
 from station.panel.watching import LOOKS_EVERY_S, RunWatch
 from station.record.folder import RunFolder
 from station.record.raw_tail import RawTail
-from station.record.series import MAX_POINTS, RunSeries, Thinned
+from station.record.series import MAX_POINTS, RunSeries, Thinned, columns_of
 
 
 @pytest.mark.parametrize("block", [1, 7, 100, 5000])
@@ -54,6 +54,12 @@ def test_the_field_is_plotted_in_the_unit_in_which_it_is_set(one_axis_run: Path)
     (columns,) = (plot["columns"] for plot in plots.data() if plot["source"] == "gaussmeter")
     assert set(columns) == {"x_mT", "y_mT", "z_mT"}
     assert max(columns["x_mT"]["v"]) == pytest.approx(1.0, abs=0.06)
+
+
+def test_all_columns_that_are_chosen_are_read_however_many_stand_before_them() -> None:
+    rows = np.zeros(2, [(f"c{n}_T", "f8") for n in range(9)] + [("air_degC", "f8")])
+    assert columns_of(rows) == [f"c{n}_T" for n in range(4)]
+    assert columns_of(rows, lambda name: name.endswith("_degC")) == ["air_degC"]
 
 
 def test_what_is_no_number_is_left_out() -> None:

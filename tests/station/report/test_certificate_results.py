@@ -21,6 +21,7 @@ from station.report.certificate_results import (
     measured,
     probability_text,
     result_row,
+    upper_limits,
     verdict_sentence,
 )
 from station.results import ResultDocument, conclude
@@ -182,3 +183,42 @@ def test_a_curve_has_its_formula_and_a_table_with_u_where_it_is_known() -> None:
     (curves,) = curves_of(whole, laboratory({"coil_factor": 0.5}))
     _, raised = curves.tables()
     assert {line[2] for line in raised[2]} == {"0.50"}
+
+
+def test_u_of_a_curve_is_that_of_the_result_where_that_is_stated_and_holds_the_whole_budget() -> (
+    None
+):
+    model = {"basis": "chebyshev", "domain": [0.0, 40.0], "coefficients": [10.0, 0.0, 1e-9]}
+    band = {
+        "temperature_degC": [0.0, 40.0],
+        "standard_uncertainty": [0.3, 0.3],
+        "expanded_uncertainty": [0.9, 0.9],
+    }
+    extra = {"model": model, "band": band, "conditions": {"temperature": "20 degC"}}
+    other = InputQuantity("gain", "gain of the table", 0.4, "1", "a certificate")
+    curve = Estimate("bias", "x", 10.0, "mg", 0.29, 5.0, "least-squares", {"gain": 1.0}, extra)
+    whole = conclude("p", Findings([curve], [], [], [other], None), {}, "simple")
+    (curves,) = curves_of(whole)
+    (formula, values), (result,) = curves.tables(), whole.results
+    assert formula[2][0][1] == "10.000", "no term that is zero as printed"
+    points = {point.temperature_degC: point for point in curves.curves[0].points}
+    assert result.combined is not None
+    assert points[20.0].expanded == result.combined.expanded_uncertainty
+    # 0.3 (5 degrees of freedom) and 0.4 make 0.5, with 5 · 0.5⁴/0.3⁴ = 38.6 of them.
+    assert points[10.0].expanded == pytest.approx(2.02 * 0.5, rel=0.01)
+    assert values[2][0][1:] == ("10.0", "1.0")
+
+
+def test_a_curve_without_u_says_so() -> None:
+    model = {"basis": "chebyshev", "domain": [0.0, 40.0], "coefficients": [10.0, 1.0]}
+    (curves,) = curves_of(document(estimate("x", 10.0, 0.1, {"model": model}), limits={}))
+    ((_, _, _, caption),) = curves.tables()
+    assert caption.endswith("not along the curve.")
+
+
+def test_what_is_noise_alone_has_its_upper_limit() -> None:
+    noise = estimate("x", 0.0015, 0.001, {"upper_limit": 0.00331})
+    known = estimate("y", 1.0, 0.001, {"upper_limit": 1.002})
+    flag = Flag("not-significant", "noise", "x", {"coefficients": ["coil_factor"]})
+    whole = replace(document(noise, known, limits={}), flags=[flag])
+    assert list(upper_limits(whole)) == ["coil factor of axis x: the upper limit (95 %) is 0.0033."]

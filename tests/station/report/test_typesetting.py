@@ -25,6 +25,8 @@ from station.texts import Texts
         ("100 ohm at 25.3 degC", "100 Ω at 25.3 °C"),
         ("gyro temperature, degC", "gyro temperature, °C"),
         ("B^2/(2 pi f), 10^-4 of it", "B²/(2 pi f), 10⁻⁴ of it"),
+        ("a drift of 4.6e-05 V", "a drift of 4.6·10⁻⁵ V"),
+        ("SN-4e+05x of 1e5", "SN-4e+05x of 1e5"),
         ("5 us in 50 uT", "5 µs in 50 µT"),
         ("it lets us hug an ohmic house", "it lets us hug an ohmic house"),
         ("`rate: 1 degC/h` in temperature_degC", "`rate: 1 degC/h` in temperature_degC"),
