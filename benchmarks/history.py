@@ -4,9 +4,10 @@
 
 Copies of a finished run without raw data, each with a beginning and a serial number of its own, a
 hundred of a unit. One JSON line for each database, in s unless named otherwise: a rebuild from
-the folders, looking for new ones, taking in another run, the results of a unit and of all, the
-first and the last page of `list runs --store`, a search, and the size in bytes. PostgreSQL is
-Debian's, on a Unix socket of this computer, without the waits for the disk (fsync is off).
+the folders, and this process' processor time of it; looking for new ones; taking in another run;
+the results of a unit and of all; the first and the last page of `list runs --store`; a search; the
+size in bytes. PostgreSQL is Debian's, on a Unix socket of this computer, without the waits for the
+disk (fsync is off).
 """
 
 from __future__ import annotations
@@ -89,7 +90,9 @@ def copy(run: Path, parent: Path, number: int) -> Path:
 
 def measure(url: str, parent: Path, more: list[Path], count: int) -> dict[str, Any]:
     with closing(History(parent, url)) as history:
+        began_cpu_s = time.process_time()
         seconds = {"rebuild": timed(lambda: history.rebuild(), (count, []))}
+        seconds["rebuild_cpu"] = time.process_time() - began_cpu_s
         seconds["nothing_new"] = timed(lambda: history.take_in(), (0, []))
         began_s = time.perf_counter()
         for folder in more:

@@ -262,7 +262,7 @@ def analyse(
     if every_run:
         refuse_trials_of_many(trials)
         raise typer.Exit(analyse_store(data, output, scheduler, with_calibration, as_json=json))
-    refuse_without_all(scheduler, with_calibration, trials)
+    refuse_without_all(data, scheduler, with_calibration, trials)
     propagate = by_trials(trials, seed, scheduler)
     folder = find_run(Path(data))
     raise typer.Exit(analyse_data(folder, output, propagate, compare=compare, as_json=json))

@@ -71,9 +71,11 @@ def analyse_store(
 
 
 def refuse_without_all(
-    scheduler: str | None, calibration: Path | None, trials: int | None = None
+    data: str, scheduler: str | None, calibration: Path | None, trials: int | None = None
 ) -> None:
-    """Raise InputError where an option is given that needs another."""
+    """Raise InputError where an option or a store is given that needs another option."""
+    if is_url(data):
+        raise InputError(f"the runs of {data} are evaluated by `station analyse --all`")
     if calibration is not None:
         raise InputError("--with-calibration goes with --all, and with a store")
     if scheduler is not None and trials is None:

@@ -24,7 +24,7 @@ RUNS = Table(
     Column("host", String, nullable=False),
     Column("run", String, nullable=False),
     Column("computer", String, nullable=False),
-    Column("folder", String, nullable=False),
+    Column("folder", String, nullable=False, index=True),
     Column("started_utc", String, nullable=False, index=True),
     Column("ended_utc", String),
     Column("procedure", String, nullable=False),

@@ -105,10 +105,10 @@ def _listed(url: str) -> Mapping[str, Any]:
     """Return what the store knows of each file below a URL, by its path from there."""
     with _reached(url) as (store, root):
         store.invalidate_cache()
-        listed = store.find(root, detail=True)
+        files = store.find(root, detail=True)
         return {
             path.removeprefix(root).removeprefix("/"): facts
-            for path, facts in listed.items()
+            for path, facts in files.items()
             if facts.get("type") == "file" and not facts.get("islink")
         }
 

@@ -182,8 +182,8 @@ def test_what_has_no_trials_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path
     with pytest.raises(InputError, match="--all"):
         refuse_trials_of_many(100)
     with pytest.raises(InputError, match="--monte-carlo"):
-        refuse_without_all("tcp://nobody:1", None)
-    refuse_without_all("tcp://nobody:1", None, 100)
+        refuse_without_all("runs", "tcp://nobody:1", None)
+    refuse_without_all("runs", "tcp://nobody:1", None, 100)
     assert by_trials(None, 1, None) is None
 
 

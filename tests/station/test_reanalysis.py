@@ -143,4 +143,6 @@ def test_a_wrong_recall_or_store_says_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no run folder"):
         run_folders(tmp_path)
     with pytest.raises(InputError, match="--all"):
-        refuse_without_all(None, tmp_path)
+        refuse_without_all("runs", None, tmp_path)
+    with pytest.raises(InputError, match="--all"):
+        refuse_without_all("s3://laboratory/runs", None, None)

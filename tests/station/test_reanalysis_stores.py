@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -107,6 +108,29 @@ def test_a_store_by_its_url_gives_the_table_of_the_same_folder(
                 assert row | {"folder": ""} == other | {"folder": ""}
     assert served.keys() == before
     assert not [*temporary.glob("station-run-*")]
+
+
+@pytest.mark.campaign
+def test_the_workers_of_this_computer_read_a_bucket_by_themselves(
+    store: Path, served: Bucket, tmp_path: Path
+) -> None:
+    served.upload(store, "theirs")
+    done = station(tmp_path, "analyse", "--all", "s3://laboratory/theirs", "--output", "again")
+    assert done.returncode == 2, done.stderr  # one was altered
+    assert "2 of 3 runs evaluated again" in done.stdout
+    assert "cannot be evaluated: s3://laboratory/theirs/altered:" in done.stdout
+
+
+def test_nobody_loads_what_reads_urls_without_one(run: Path) -> None:
+    code = (
+        "import sys; from station.history.store import History; "
+        "from station.reanalysis.one_run import certificates_of; import station.cli.reanalysing; "
+        f"assert certificates_of({str(run)!r}); print('fsspec' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, encoding="utf-8", check=True
+    )
+    assert done.stdout == "False\n"
 
 
 def test_a_copy_that_is_not_complete_has_a_row_that_says_so(

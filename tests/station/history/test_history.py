@@ -18,7 +18,9 @@ from socket import gethostname
 
 import pytest
 from alembic import command
+from alembic.autogenerate import compare_metadata
 from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
 from command_line import PLAN, station
 from for_people import need_sentences
 from history_runs import made_run
@@ -35,7 +37,7 @@ from station.history.place import FILE, URL, url_of
 from station.history.series import series_of
 from station.history.store import History, HistoryError, Wanted
 from station.history.summary import summary_of
-from station.history.tables import RUNS
+from station.history.tables import METADATA, RUNS
 from station.history.versions import MIGRATIONS
 from station.record.events import EventLog
 from station.record.later import record_later
@@ -339,9 +341,16 @@ def test_tables_of_a_first_version_are_brought_up_to_date(tmp_path: Path) -> Non
     assert kept(tmp_path) == [("SN-1", 1.1), ("OLD-2", 1.5)]
     with tables_of(tmp_path) as connection:
         version = connection.execute(text("SELECT version_num FROM alembic_version")).scalars()
-        assert version.all() == ["0003"]
+        assert version.all() == ["0004"]
         rows = connection.execute(text("SELECT run, computer, key IS NULL FROM runs")).all()
     assert sorted(map(tuple, rows)) == [(there.name, gethostname(), 0), ("gone", "lab", 1)]
+
+
+def test_the_tables_are_those_that_the_program_speaks_of(tmp_path: Path) -> None:
+    assert kept(tmp_path) == []
+    with tables_of(tmp_path) as connection:
+        differences = compare_metadata(MigrationContext.configure(connection), METADATA)
+    assert differences == []
 
 
 @pytest.fixture
