@@ -7,7 +7,7 @@ in the environment; nothing is written there.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -69,7 +69,7 @@ def _copied(run: str, place: Path, *, raw: bool) -> Path:
     _refuse_outside(run, name)
     folder = place / name
     with _reached(run) as (store, root):
-        for file in listed:
+        for file in sorted(listed):
             _refuse_outside(run, *file.split("/"))
             top = file.partition("/")[0]
             if top == EXPORTS or (top == RAW and not raw):
@@ -101,16 +101,18 @@ def _refuse_outside(run: str, *names: str) -> None:
             )
 
 
-def _listed(url: str) -> Mapping[str, Any]:
-    """Return what the store knows of each file below a URL, by its path from there."""
+def _listed(url: str) -> set[str]:
+    """Return the paths of all files below a URL, from there."""
     with _reached(url) as (store, root):
         store.invalidate_cache()
         files = store.find(root, detail=True)
-        return {
-            path.removeprefix(root).removeprefix("/"): facts
+        paths = {
+            path.removeprefix(root).removeprefix("/")
             for path, facts in files.items()
             if facts.get("type") == "file" and not facts.get("islink")
         }
+    # An empty object whose name ends with a slash is what a bucket has of a folder.
+    return {path for path in paths if path and not path.endswith("/")}
 
 
 @contextmanager

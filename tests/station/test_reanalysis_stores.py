@@ -139,6 +139,8 @@ def test_a_copy_that_is_not_complete_has_a_row_that_says_so(
     for name in ("begun", "half", "whole"):
         served.upload(run, f"arriving/{name}")
     served.delete("arriving/begun/manifest.json")
+    for folder in ("", "whole/", "whole/raw/"):  # as a browser makes a folder
+        served.put(f"arriving/{folder}", b"")
     raw = next(iter((run / "raw").iterdir())).name
     served.delete(f"arriving/half/raw/{raw}")
     rows = {row["run"]: row["error"] for row in table_of("s3://laboratory/arriving", tmp_path)}
