@@ -132,7 +132,9 @@ def report(
 def history(
     store: Annotated[
         str | None,
-        typer.Argument(help="With --rebuild: folder of the runs, or URL of a store of runs."),
+        typer.Argument(
+            metavar="STORE", help="With --rebuild: folder of the runs, or URL of a store of runs."
+        ),
     ] = None,
     dut: Annotated[str | None, typer.Option(metavar="SERIAL", help="Of this unit.")] = None,
     procedure: Annotated[str | None, typer.Option(help="Of this procedure.")] = None,
