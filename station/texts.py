@@ -258,6 +258,10 @@ def translator(language: str) -> Callable[[str], str]:
     return translated
 
 
+class AsTyped(str):
+    """What a person typed, such as a name: in no language is it another one."""
+
+
 class Texts:
     """The texts of a language, or of two of which the first stands above the second.
 
@@ -271,6 +275,8 @@ class Texts:
         """Return a text in the languages, one to a line; English where there is no translation."""
         inner = text.strip()
         if self.languages == (ENGLISH,) or not inner or len(inner) > LONGEST:
+            return text
+        if isinstance(text, AsTyped):
             return text
         return "\n".join(dict.fromkeys(translator(language)(inner) for language in self.languages))
 

@@ -42,6 +42,7 @@ from station.report.run_report import instrument_rows, time_of_day, version_rows
 from station.report.seal import seal
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
+from station.texts import AsTyped
 from station.units import UnitError, parse_as
 
 AMBIENT_UNITS = {"degC": "°C", "RH": "% RH", "hPa": "hPa", "%": "%"}
@@ -324,32 +325,26 @@ def sheet_of(certificate: Certificate) -> Sheet:
 
 def sections_of(certificate: Certificate) -> Iterator[Section]:
     """Yield the sections in their order; fields without text are left out."""
+    customer = ", ".join(filter(None, (certificate.customer, certificate.customer_address)))
     head = (
-        (
-            "Customer",
-            ", ".join(
-                text for text in (certificate.customer, certificate.customer_address) if text
-            ),
-        ),
-        ("Order", certificate.order),
-        *certificate.references,
-        *certificate.device,
-        ("Condition", certificate.condition),
+        *as_typed(("Customer", customer), ("Order", certificate.order)),
+        *((AsTyped(name), AsTyped(text)) for name, text in certificate.references),
+        *as_typed(*certificate.device, ("Condition", certificate.condition)),
         ("Received", certificate.received),
         ("Tested", certificate.tested),
         ("Issued", certificate.issued),
-        ("Location", certificate.location),
-        ("Operator", certificate.operator),
+        *as_typed(("Location", certificate.location), ("Operator", certificate.operator)),
     )
     if certificate.amendment:
         yield Section("Amendment", (sentences(certificate.amendment),))
     yield Section("Customer and device", (pairs(head),))
     method = (
         ("Method", certificate.method),
-        ("Cited as", certificate.cited),
-        ("Work instruction", certificate.work_instruction),
+        *as_typed(
+            ("Cited as", certificate.cited), ("Work instruction", certificate.work_instruction)
+        ),
     )
-    deviations = sentences(certificate.deviations or (NO_DEVIATION,))
+    deviations = sentences(tuple(map(AsTyped, certificate.deviations)) or (NO_DEVIATION,))
     yield Section("Method", (pairs(method), replace(deviations, title="Deviations")))
     yield Section("Results", tuple(result_blocks(certificate)))
     yield Section("What the results rest on", (sentences(certificate.assumptions),))
@@ -361,7 +356,10 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
         yield Section("Conditions measured during the run", (grid(columns, rows),))
     if certificate.room:
         read = ("Quantity", "Value", "u", "Read on", "Certificate", "Due", "Typed by")
-        room = [tuple(text or NOTHING for text in row) for row in room_rows(certificate)]
+        room = [
+            (row[0], *map(AsTyped, (text or NOTHING for text in row[1:])))
+            for row in room_rows(certificate)
+        ]
         yield Section("Conditions of the room", (grid(read, room),))
     yield Section("Traceability", tuple(traceability_blocks(certificate)))
     hashes = grid(("File of the run", "SHA-256"), certificate.hashes)
@@ -369,8 +367,16 @@ def sections_of(certificate: Certificate) -> Iterator[Section]:
     if certificate.head:
         yield Section("Seal", (seal(certificate.run, certificate.head),))
     yield Section("Statements", (sentences((ONLY_ITEMS, REPRODUCTION)),))
-    signed = tuple((f"{name}, {function}", "") for name, function in certificate.signatories)
+    signed = tuple(
+        (AsTyped(f"{name}, {function}"), "") for name, function in certificate.signatories
+    )
     yield Section("Authorised by", (Block("signatures", rows=signed or (("", ""),)),))
+
+
+def as_typed(*rows: tuple[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield names with texts that are a person's, in that one's words."""
+    for name, text in rows:
+        yield name, AsTyped(text)
 
 
 def is_decided(certificate: Certificate) -> bool:
@@ -415,10 +421,13 @@ def traceability_blocks(certificate: Certificate) -> Iterator[Block]:
     """Yield the records that the results rest on, and what was used without being in a result."""
     columns = ("Instrument", "Model, serial number", "Certificate", "Date", "Due", "Calibrated by")
     if certificate.traceability:
-        rows = [tuple(text or NOTHING for text in row) for row in certificate.traceability]
+        rows = [
+            (*row[:2], *map(AsTyped, (text or NOTHING for text in row[2:])))
+            for row in certificate.traceability
+        ]
         caption = "The results are traceable through these certificates, and through no other."
         yield grid(columns, rows, caption)
     if certificate.si_statement:
-        yield sentences((certificate.si_statement,))
+        yield sentences((AsTyped(certificate.si_statement),))
     if certificate.other_instruments:
         yield grid(columns[:2], certificate.other_instruments, title=USED_ONLY)

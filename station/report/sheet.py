@@ -81,8 +81,6 @@ class Sheet:
             self,
             kind=texts(self.kind),
             title=texts(self.title),
-            laboratory=texts(self.laboratory),
-            address=texts(self.address),
             drafts=tuple(map(texts, self.drafts)),
             sections=tuple(part.translated(texts) for part in self.sections),
             texts=texts,

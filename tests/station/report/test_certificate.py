@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
@@ -311,3 +312,21 @@ def test_the_report_as_pdf_has_contents_plots_tables_and_references(
 
 def test_the_mandatory_list_names_fields_of_the_certificate() -> None:
     assert set(MANDATORY) <= {field.name for field in fields(Certificate)}
+
+
+def test_what_a_person_typed_is_in_that_persons_words_in_every_language(
+    issuable: Certificate,
+) -> None:
+    words = {"Axis", "pass", "Serial number", "Results", "temperature"}
+    typed = replace(
+        issuable,
+        laboratory="Results",
+        customer="Serial number",
+        customer_address="",
+        order="pass",
+        operator="temperature",
+        device=(("Model", "Axis"),),
+    )
+    page = render_sheet(sheet_of(typed).translated(Texts("zh")))
+    assert words <= {text.strip() for text in re.findall(">([^<>]+)<", page)}
+    assert "型号" in page

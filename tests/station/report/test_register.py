@@ -233,9 +233,7 @@ def test_results_that_say_the_same_on_paper_need_no_other_certificate(run: Path)
     (only,) = issued(run)
     folder = RunFolder(run)
     document, findings = evaluate_run(folder)
-    estimates = [
-        replace(e, extra={**e.extra, "noticed": 1}) for e in findings.estimates
-    ]
+    estimates = [replace(e, extra={**e.extra, "noticed": 1}) for e in findings.estimates]
     results = [replace(r, estimate=e) for r, e in zip(document.results, estimates, strict=True)]
     new_revision(folder, replace(document, results=results), findings)
     remake_report(run, "pdf", "certificate")
