@@ -42,6 +42,8 @@ def read_channels(path: Path, group: str) -> Mapping[str, NDArray[Any]]:
 
     try:
         with path.open("rb") as file, TdmsFile.open(file) as read:
+            if read.file_status.incomplete_final_segment:
+                raise _refused(path, "the file ends within its last segment; copy it again")
             groups = [each for each in read.groups() if each.channels()]
             chosen = _chosen(path, groups, group)
             columns = {channel.name: np.asarray(channel[:]) for channel in chosen.channels()}

@@ -36,6 +36,8 @@ AT_ONCE = 500
 NOT_TAKEN_IN = "not what the history took in at its end: its manifest was written anew"
 CLASS = re.compile(r"^\([\w.]+\) ")
 """SQLAlchemy puts the name of the driver's exception before what it says."""
+WHOLE_STILL = re.compile("locked|readonly|read-only|lock timeout")
+"""What a database says that is held by another program, or may not be written: it has no damage."""
 NUMBERS = ("value", "standard_uncertainty", "expanded_uncertainty", "limit_min", "limit_max")
 TEXTS = (
     "run",
@@ -375,6 +377,11 @@ def _named(url: str) -> Iterator[None]:
             raise HistoryError(
                 f"the history at {shown} needs the package {error.name}; install it with `pip "
                 "install inertial-station[history-postgresql]`"
+            ) from error
+        if WHOLE_STILL.search(sentence):
+            raise HistoryError(
+                f"the history at {shown} cannot be used now: {sentence}; it is whole: end the "
+                "program that holds it, or make it writable, and repeat this"
             ) from error
         raise HistoryError(
             f"the history at {shown} cannot be used: {sentence}; the run folders hold all of it "

@@ -6,7 +6,7 @@ import json
 import re
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from datetime import datetime
+from datetime import date, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -250,6 +250,12 @@ class RunFolder:
         if file not in self._indices:
             self._indices[file] = RawIndex(file)
         return self._indices[file]
+
+    @property
+    def last_day(self) -> date:
+        """The day, in UTC, of the last that the run did."""
+        began = datetime.fromisoformat(self.run_facts()["started_utc"])
+        return (began + timedelta(seconds=self.events[-1].time_s)).date()
 
     def events_of(self, kind: str) -> Iterator[Event]:
         """Yield the events of one kind."""

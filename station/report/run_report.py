@@ -153,22 +153,22 @@ def notes_of(bench: Bench) -> Iterator[str]:
 
 
 def instrument_rows(folder: RunFolder, bench: Bench) -> Iterator[InstrumentRow]:
-    """Yield each instrument that took part, as it identified itself."""
-    from datetime import date
-
-    run_on = date.fromisoformat(folder.run_facts()["started_utc"][:10])
-    for event in folder.events_of("identified"):
-        name = event.details["instrument"]
+    """Yield each instrument that took part, as it identified itself, of a resumed run once."""
+    identified = (
+        (*(event.details[key] for key in ("instrument", "maker", "model", "serial", "firmware")),)
+        for event in folder.events_of("identified")
+    )
+    for name, maker, model, serial, firmware in dict.fromkeys(identified):
         calibration = bench.instruments[name].calibration
         yield InstrumentRow(
             name=name,
             role=name.split(".")[0].replace("_", " "),
-            model=f"{event.details['maker']} {event.details['model']}".strip(),
-            serial=event.details["serial"],
-            firmware=event.details["firmware"],
+            model=f"{maker} {model}".strip(),
+            serial=serial,
+            firmware=firmware,
             certificate=(calibration.certificate or "") if calibration else "",
             due_date=str(calibration.due) if calibration else "",
-            overdue=calibration.overdue(run_on) if calibration else False,
+            overdue=calibration.overdue(folder.last_day) if calibration else False,
         )
 
 

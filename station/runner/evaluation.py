@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -140,11 +139,13 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     flags.extend(flags_of_gaps(folder))
     flags.extend(flags_of_guardians(folder))
     flags.extend(flags_of_missed_time(folder))
-    began = datetime.fromisoformat(folder.run_facts()["started_utc"])
-    run_on = (began + timedelta(seconds=folder.events[-1].time_s)).date()
     used = used_instruments(folder)
     for name, entry in bench.instruments.items():
-        if name in used and entry.calibration is not None and entry.calibration.overdue(run_on):
+        if (
+            name in used
+            and entry.calibration is not None
+            and entry.calibration.overdue(folder.last_day)
+        ):
             flags.append(
                 Flag(
                     "calibration-overdue",

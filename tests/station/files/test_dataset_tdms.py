@@ -135,6 +135,8 @@ def test_what_is_no_tdms_or_was_cut_off_is_refused(tmp_path: Path) -> None:
     assert table_faults(path) == damaged
     write(path, {"samples": {"t_s": np.arange(9.0), "rate_deg_per_h": np.arange(9.0)}})
     whole = path.read_bytes()
+    path.write_bytes(whole[:-8])
+    assert table_faults(path) == ["1:1: file: the file ends within its last segment; copy it again"]
     for length in range(1, len(whole)):
         path.write_bytes(whole[:length])
         assert table_faults(path), length

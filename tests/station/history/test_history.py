@@ -8,6 +8,7 @@ import random
 import re
 import shutil
 import socket
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -31,6 +32,7 @@ from station.cli.looking import entries
 from station.cli.remembering import remember, standing_alarms
 from station.cli.verifying import against_history, verify_runs
 from station.errors import InputError
+from station.history import store
 from station.history.alarms import alarms_of, rows_of_standards
 from station.history.page import page_of
 from station.history.place import FILE, URL, url_of
@@ -686,3 +688,16 @@ def test_the_verb_prints_one_document(tmp_path: Path) -> None:
     done = station(tmp_path, "history", "--output", ".", "--json")
     assert done.returncode == 0, done.stderr
     assert [one["value"] for one in json.loads(done.stdout)["results"]] == [1.1]
+
+
+@IN_A_FILE
+def test_a_history_that_another_program_holds_is_not_called_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept(tmp_path)
+    monkeypatch.setattr(store, "PATIENCE_S", 0.1)
+    with closing(sqlite3.connect(tmp_path / FILE)) as holder:
+        holder.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(HistoryError, match="it is whole: end the program") as told:
+            kept(tmp_path)
+    assert "delete" not in str(told.value)
