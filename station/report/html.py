@@ -8,7 +8,7 @@ from importlib import resources
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from station.decision import Decision
 from station.findings import Published
@@ -131,8 +131,16 @@ def data_uri(png: bytes) -> str:
 
 
 def _lines(text: str) -> Markup:
-    """Return a text with its lines one below the other."""
-    return Markup("<br>").join(text.splitlines())
+    """Return a text with its lines one below the other, what is typed set apart."""
+    return Markup("<br>").join(map(_line, text.splitlines()))
+
+
+def _line(text: str) -> Markup:
+    parts = text.split("`")
+    if len(parts) % 2 == 0:  # a sign without its other one
+        return escape(text)
+    typed = Markup("<code>{}</code>").format
+    return Markup("").join(typed(part) if n % 2 else part for n, part in enumerate(parts))
 
 
 def methods_in_words(methods: Iterable[str], texts: Texts) -> str:

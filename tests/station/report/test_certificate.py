@@ -267,6 +267,7 @@ def test_the_page_in_html_stamps_a_draft_and_shows_the_same_fields(
     for one in (issuable.number, issuable.customer, expanded, issuable.hashes[0][1]):
         assert one in page
     assert "<script" not in page and "http" not in page
+    assert "`" not in draft and "<code>coil_geometry</code>" in draft
 
 
 def test_a_letterhead_is_a_folder_of_the_laboratory(issuable: Certificate, tmp_path: Path) -> None:
