@@ -1,13 +1,13 @@
 """A history of many runs on SQLite and on PostgreSQL: how long it takes, and how large it is.
 
-    python benchmarks/history.py [--runs 10000] [--database sqlite postgresql]
+    python benchmarks/history.py [--runs 10000] [--database sqlite postgresql] [--store]
 
 Copies of a finished run without raw data, each with a beginning and a serial number of its own, a
 hundred of a unit. One JSON line for each database, in s unless named otherwise: a rebuild from
 the folders, and this process' processor time of it; looking for new ones; taking in another run;
 the results of a unit and of all; the first and the last page of `list runs --store`; a search; the
-size in bytes. PostgreSQL is Debian's, on a Unix socket of this computer, without the waits for the
-disk (fsync is off).
+size. PostgreSQL is Debian's, on a Unix socket of this computer, without the waits for the
+disk (fsync is off). `--store` keeps the lines in `figures/`.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from campaign_helpers import finished_run
+from figures import Figures
 from history_runs import chained
 from postgresql_server import postgresql_server
 from sqlalchemy import create_engine, text
@@ -42,9 +43,10 @@ MORE = 20
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    figures = Figures(parser)
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--database", nargs="*", default=["sqlite", "postgresql"])
-    asked = parser.parse_args()
+    asked = figures.parse()
     with tempfile.TemporaryDirectory() as place:
         run = finished_run(Path(place) / "made", ["IA"])
         parent, later = Path(place) / "runs", Path(place) / "later"
@@ -54,7 +56,7 @@ def main() -> None:
         for name in asked.database:
             with database(name, Path(place)) as url:
                 measured = measure(url, parent, more, asked.runs)
-            print(json.dumps({"benchmark": "history", "database": name, **measured}), flush=True)
+            figures.line(name, **measured)
 
 
 @contextmanager
@@ -111,8 +113,9 @@ def measure(url: str, parent: Path, more: list[Path], count: int) -> dict[str, A
         began_s = time.perf_counter()
         assert entries("runs", search, url, page), name
         seconds[name] = time.perf_counter() - began_s
-    size = {"bytes": size_of(url), "results_of_a_run": of_a_run}
-    return {"runs": count, **{key: round(s, 3) for key, s in seconds.items()}, **size}
+    rounded = {f"{name}_s": round(wall_s, 3) for name, wall_s in seconds.items()}
+    size = {"megabytes": round(size_of(url) / 1e6, 1), "results_of_a_run": of_a_run}
+    return {"runs": count, **rounded, **size}
 
 
 def timed(call: Callable[[], Any], expected: object) -> float:
