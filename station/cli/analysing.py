@@ -13,10 +13,10 @@ from station.files.lookup import is_there
 from station.findings import Findings
 from station.parts import parts_of_text
 from station.record.files import write_whole_file
-from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
+from station.record.folder import REPORT, RESULTS, RunFolder, read_run
 from station.record.integrity import MAX_FLAGS, first, sentence_of
 from station.record.later import add_revision, draft_revision
-from station.record.layout import EVENTS
+from station.record.layout import EVENTS, EXPORTS
 from station.record.run_names import runs_below
 from station.report.numbers import format_like, format_result
 from station.results import ResultDocument

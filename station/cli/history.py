@@ -38,12 +38,13 @@ def show_history(
 
     With `rebuild` all that is there is read again, or that of a `store`, a folder or a URL.
     """
-    remote = store is not None and is_url(store)
-    with closing(History(parent if store is None or remote else Path(store))) as history:
-        if store is not None and remote:
+    with closing(History(parent)) as history:
+        if store is not None and is_url(store):
             count, left_out = history.rebuild_from(store)
+        elif rebuild:
+            count, left_out = history.rebuild(None if store is None else Path(store))
         else:
-            count, left_out = history.rebuild() if rebuild else history.take_in()
+            count, left_out = history.take_in()
         entries, known = history.results(wanted), history.acknowledgements()
     alarms = alarms_of(entries, known)
     for sentence in left_out:

@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 from station.cli.analysing import made
 from station.clock import RealClock
 from station.console import span, tell
-from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError
+from station.errors import EXIT_DONE, EXIT_WRONG_INPUT, InputError, StationError
 from station.files.faults import listed, meant, nearest
 from station.findings import Findings
 from station.reanalysis.one_run import Row
 from station.record.layout import EVENTS
 from station.record.run_names import find_run
-from station.record.stores import is_url, run_urls
+from station.record.stores import is_url, refuse_keys, run_urls
 from station.runner.evaluation import Propagate
 from station.speech import show
 
@@ -47,6 +47,9 @@ def analyse_store(
 
     refuse_without_packages()
     recall = read_recall(calibration) if calibration else None
+    refuse_keys(store)
+    if not is_url(store):
+        store = str(find_run(Path(store)))
     folders = runs_of(store, output)
     file = made(output or Path(store)) / TABLE
     write_table([], file.with_name(f".{TABLE}.tried"))  # before hours of work, not after them
@@ -74,6 +77,7 @@ def refuse_without_all(
     data: str, scheduler: str | None, calibration: Path | None, trials: int | None = None
 ) -> None:
     """Raise InputError where an option or a store is given that needs another option."""
+    refuse_keys(data)
     if is_url(data):
         raise InputError(f"the runs of {data} are evaluated by `station analyse --all`")
     if calibration is not None:
@@ -113,7 +117,7 @@ def runs_of(store: str, output: Path | None) -> list[str]:
     The table of a store by its URL goes into `output`: nothing is written there.
     """
     if not is_url(store):
-        return run_folders(find_run(Path(store)))
+        return run_folders(Path(store))
     if output is None:
         raise InputError(f"nothing is written into {store}; say by --output where the table goes")
     return run_urls(store)
@@ -135,11 +139,16 @@ def refuse_unknown(certificate: str, folders: Sequence[str]) -> None:
     """
     from station.reanalysis.one_run import certificates_of
 
-    known = set[str]()
+    known, unread = set[str](), list[StationError]()
     for folder in reversed(folders):
-        known |= certificates_of(folder)
+        try:
+            known |= certificates_of(folder)
+        except StationError as error:
+            unread.append(error)
         if certificate in known:
             return
+    if unread and not known:
+        raise unread[0]
     names = sorted(known)
     what = f"no run used certificate '{certificate}'; those that runs used: {listed(names)}"
     near = nearest(certificate, names)

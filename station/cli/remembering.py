@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -11,12 +12,15 @@ from station.console import tell
 from station.errors import StationError
 from station.history.place import is_kept
 from station.record.events import STANDARD_ALARM
+from station.record.layout import PLAN
 from station.runner.preflight import Warned
 
 if TYPE_CHECKING:
     from station.history.alarms import Alarm
     from station.history.store import Entry, History
 
+CHECK_STANDARD = re.compile("^check_standard: true$", re.MULTILINE)
+"""How the resolved plan of a run says so, as the station writes it."""
 MANY = 5
 """Alarms that a run names each."""
 
@@ -71,12 +75,11 @@ def remember(folder: Path) -> None:
 
 def of_check_standard(folder: Path) -> bool:
     """Whether the plan of a run measures a check standard of the bench."""
-    from station.history.summary import summary_of
-
     try:
-        return bool(summary_of(folder).run["check_standard"])
-    except StationError:
+        plan = (folder / PLAN).read_text(encoding="utf-8")
+    except OSError:
         return False
+    return CHECK_STANDARD.search(plan) is not None
 
 
 def alarms_standing(history: History, of: Callable[[Entry], bool]) -> list[Alarm]:

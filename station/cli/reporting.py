@@ -14,8 +14,8 @@ from station.errors import InputError
 from station.files.statements import says_something
 from station.record.certificates import Issue, in_force, issues_of, keep, kept_pdf, refuse_second
 from station.record.files import A_COPY, replaced
-from station.record.folder import EXPORTS, REPORT, RESULTS, RunFolder, read_run
-from station.record.layout import file_hash
+from station.record.folder import REPORT, RESULTS, RunFolder, read_run
+from station.record.layout import EXPORTS, file_hash
 from station.recorded import read_plan_and_bench
 from station.report.revision import Revision, newest_revision
 from station.runner.evaluation import evaluate_run

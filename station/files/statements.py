@@ -14,10 +14,12 @@ from station.files.faults import Fault
 from station.files.yaml.document import Document, Where, leaves
 
 TO_BE_WRITTEN = re.compile(
-    "0|fixme|na|nil|notapplicable|notknown|null|tba|tbc|tbd|tobeconfirmed|tobedefined|"
-    "tobedetermined|todo|unknown|xx+|不详|不适用|待定|待填|未知"
+    "fixme|tba|tbd|tobeconfirmed|tobedefined|tobedetermined|todo|notapplicable|notknown|unknown|"
+    "xxx+|不详|不适用|待定|待填|未知"
 )
 """What stands where nothing is written yet, its letters and digits alone, in small letters."""
+NOTHING = ("0", "n/a", "n.a.", "xx")
+"""What does so in this form alone: `0 %` is a number, and Na is a name."""
 INVISIBLE = "\u115f\u1160\u3164\uffa0"
 """Letters that print nothing."""
 OF_PLAN = ("operator", "customer", "references", "deviations", "dut", "room")
@@ -31,7 +33,7 @@ def says_something(text: str) -> bool:
     templates have it.
     """
     bare = text.strip()
-    if bare.startswith("<") and bare.endswith(">"):
+    if (bare.startswith("<") and bare.endswith(">")) or bare.casefold() in NOTHING:
         return False
     letters = "".join(
         letter

@@ -161,20 +161,24 @@ class History:
             folder for folder, head in folders.items() if head is None or head != _head(folder)
         )
 
-    def rebuild(self) -> tuple[int, list[str]]:
-        """Forget the folders of this parent that are gone, and take in every one that is there.
+    def rebuild(self, store: Path | None = None) -> tuple[int, list[str]]:
+        """Forget the folders of a store that are gone, and take in every one that is there.
 
-        Returns how many, and what was left out. Runs of other folders, and of other computers that
-        share the database, stay; so does what was taken in of a folder that was altered since.
+        The store is the parent of the runs where none is named. Returns how many, and what was
+        left out. Runs of other folders, and of other computers that share the database, stay; so
+        does what was taken in of a folder that was altered since.
         """
-        parent = self._parent.resolve()
+        store = store or self._parent
+        if not store.is_dir():
+            raise InputError(f"there is no folder {store}, and so no history of its runs")
+        parent = store.resolve()
         with self._begun() as connection:
             write_alone(connection)
             here = select(RUNS.c.id, RUNS.c.folder).where(RUNS.c.computer == _HERE)
             for row in connection.execute(here).all():
                 if Path(row.folder).parent == parent and not Path(row.folder).is_dir():
                     _forget(connection, row.id)
-        return self._add(runs_below(self._parent))
+        return self._add(runs_below(store))
 
     def rebuild_from(self, store: str) -> tuple[int, list[str]]:
         """Take in every run of a store that a URL names, and forget those of it that are gone.
@@ -183,11 +187,12 @@ class History:
         out.
         """
         urls, left_out = run_urls(store), list[str]()
+        there, below = set(urls), f"{store.rstrip('/')}/"
         with self._begun() as connection:
             write_alone(connection)
-            below = RUNS.c.folder.startswith(f"{store.rstrip('/')}/", autoescape=True)
-            for row in connection.execute(select(RUNS.c.id, RUNS.c.folder).where(below)).all():
-                if row.folder not in urls:
+            for row in connection.execute(select(RUNS.c.id, RUNS.c.folder)).all():
+                # Here, not in the database: LIKE takes no notice of capitals on some.
+                if row.folder.startswith(below) and row.folder not in there:
                     _forget(connection, row.id)
         count = 0
         for url in urls:
@@ -373,7 +378,12 @@ def _named(url: str) -> Iterator[None]:
     except Exception as error:  # whatever is in a damaged database: nothing else depends on it
         shown = url.rpartition("@")[2].partition("?")[0]
         sentence = CLASS.sub("", str(error).partition("\n")[0])
-        if isinstance(error, ModuleNotFoundError) and url.startswith("postgresql"):
+        if isinstance(error, ModuleNotFoundError) and error.name == "psycopg2":
+            raise HistoryError(
+                f"the history at {shown} needs the package psycopg2; write postgresql+psycopg:// "
+                f"in {URL}, and run `pip install inertial-station[history-postgresql]`"
+            ) from error
+        if isinstance(error, ModuleNotFoundError) and error.name == "psycopg":
             raise HistoryError(
                 f"the history at {shown} needs the package {error.name}; install it with `pip "
                 "install inertial-station[history-postgresql]`"

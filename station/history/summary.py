@@ -25,7 +25,7 @@ from station.record.verification import quick_look
 IDENTIFIED = b'"event": "identified"'
 RESUMED = b'"event": "resumed"'
 RUN_STARTED = "run-started"
-SIMULATION = re.compile(r"^simulation:(?! null)", re.MULTILINE)
+SIMULATION = re.compile(r"^(simulation|\s+simulator):(?!\snull)", re.MULTILINE)
 QUICK = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """A resolved plan was read and written by the station: nobody asks for the place of its keys."""
 Row = Mapping[str, Any]

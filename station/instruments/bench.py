@@ -156,6 +156,12 @@ class Bench(FromDocument):
         return self.file.simulation
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether it has a simulated world, or keeps the truth of a simulator of an instrument."""
+        kept = (entry.simulator for entry in self.instruments.values())
+        return self.simulation is not None or any(truth is not None for truth in kept)
+
+    @property
     def instruments(self) -> Mapping[str, Instrument]:
         """The instruments by instance, in the file's order."""
         return self.file.instruments

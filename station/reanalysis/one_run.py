@@ -62,13 +62,16 @@ def _rows(folder: RunFolder, recall: Recall | None, about: Row) -> list[Row]:
 
 
 def certificates_of(path: str) -> set[str]:
-    """Return the certificates of the instruments that a run used; none where it cannot be read."""
+    """Return the certificates of the instruments that a run used; none where that is not told.
+
+    Raises StationError where the run itself cannot be read.
+    """
     try:
         with run_at_hand(path, raw=False) as place:
             folder = RunFolder(place)
             bench = read_plan_and_bench(folder)[1]
             records = [bench.record(name) for name in used_instruments(folder)]
-    except (StationError, OSError, ValueError, LookupError, TypeError):
+    except (OSError, ValueError, LookupError, TypeError):
         return set()
     return {record.certificate for record in records if record and record.certificate}
 

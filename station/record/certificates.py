@@ -125,7 +125,7 @@ def keep(folder: Path, issue: Issue, pdf: bytes) -> str:
     try:
         return record_later(folder, ISSUED, details, write, added={issue.file: digest}, after=name)
     except RecordError as error:
-        if issue.number not in issues_of(tuple(read_events(folder / EVENTS))):
+        if not heads or issue.number not in issues_of(tuple(read_events(folder / EVENTS))):
             raise
         tell(
             f"WARNING: the certificate is issued, but the manifest was not renewed, which the next "

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 RESULTS = "results.json"
 REPORT = "report.html"
 PLOTS = "plots.json"
-EXPORTS = "exports"
 MAX_LATER = 1000
 FACTS = ("started_utc", "station", "python", "packages", "host", "system")
 PIECE_ROWS = 2**19

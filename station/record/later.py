@@ -17,7 +17,7 @@ from station.clock import utc_now
 from station.console import tell
 from station.errors import RecordError
 from station.files.locks import FileLock, LockHeld, remove_if_free
-from station.record.events import RESUMED, REVISED, Event, EventLog, read_events
+from station.record.events import ISSUED, RESUMED, REVISED, Event, EventLog, read_events
 from station.record.files import A_COPY, is_own_file, sync_folder
 from station.record.layout import (
     DRAFT,
@@ -233,8 +233,19 @@ def _hashes_to_log(folder: Path) -> dict[str, str]:
 def _renew_manifest(folder: Path, added: Mapping[str, str]) -> None:
     """Let the manifest, where the run left one, name the log as it is now, and what was added."""
     if (folder / MANIFEST).is_file():
-        files = {**covered_files(folder), **added, EVENTS: file_hash(folder / EVENTS)}
+        files = {
+            **issued_files(tuple(read_events(folder / EVENTS))),
+            **covered_files(folder),
+            **added,
+            EVENTS: file_hash(folder / EVENTS),
+        }
         write_manifest(folder, files, A_COPY)
+
+
+def issued_files(events: Sequence[Event]) -> dict[str, str]:
+    """Return the SHA-256 of each certificate that a log has issued, by its file."""
+    issued = (event.details for event in events if event.kind == ISSUED and "file" in event.details)
+    return {str(issue["file"]): str(issue["files"][issue["file"]]) for issue in issued}
 
 
 @contextmanager

@@ -33,6 +33,8 @@ EVENTS = "events.jsonl"
 RAW = "raw"
 RUN = "run.json"
 REVISIONS = "revisions"
+EXPORTS = "exports"
+"""What is made of a run, in no manifest: nobody needs a copy of it."""
 GUARDIAN_LOG = "guardian.jsonl"
 PLAN, BENCH = "plan.resolved.yaml", "bench.resolved.yaml"
 BENCH_AS_WRITTEN = "bench.yaml"
@@ -124,7 +126,7 @@ SIGNATURES = "signatures"
 CERTIFICATES = "certificates"
 DRAFT = ".new-"
 """How the name begins of what is not whole yet: a revision, a certificate. It is neither."""
-NOT_COVERED = ("exports", "revisions", SIGNATURES, LOCK)
+NOT_COVERED = (EXPORTS, REVISIONS, SIGNATURES, LOCK)
 """Remade reports are no evidence; each revision has a manifest of its own; the lock is empty."""
 
 

@@ -6,6 +6,7 @@ in the environment; nothing is written there.
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,16 +15,25 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from station.errors import InputError, StationError, reason_of
-from station.record.layout import EVENTS, MANIFEST, RAW, covered_files
+from station.record.files import not_written
+from station.record.layout import EVENTS, EXPORTS, MANIFEST, RAW, covered_files
 
 URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
-EXPORTS = "exports"
-"""What is made of a run, in no manifest: nobody needs a copy of it."""
 
 
 def is_url(store: str) -> bool:
     """Whether a text names a store by its URL, and not a folder."""
     return URL.match(store) is not None
+
+
+def refuse_keys(store: str) -> None:
+    """Raise InputError, which does not repeat it, for a URL that holds keys or a second URL."""
+    user = store.partition("://")[2].partition("/")[0].rpartition("@")[0]
+    if is_url(store) and ("::" in store or ":" in user):
+        raise InputError(
+            "the URL of a store holds no password and no second URL; keys belong into the "
+            "environment, or the configuration of fsspec"
+        )
 
 
 def run_urls(store: str) -> list[str]:
@@ -70,13 +80,18 @@ def _copied(run: str, place: Path, *, raw: bool) -> Path:
     folder = place / name
     with _reached(run) as (store, root):
         for file in sorted(listed):
-            _refuse_outside(run, *file.split("/"))
             top = file.partition("/")[0]
             if top == EXPORTS or (top == RAW and not raw):
                 continue
+            _refuse_outside(run, *file.split("/"))
             target = folder / file
-            target.parent.mkdir(parents=True, exist_ok=True)
-            store.get_file(f"{root}/{file}", str(target))
+            try:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                store.get_file(f"{root}/{file}", str(target))
+            except OSError as error:
+                if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
+                    raise not_written(target, error, "name another one in TMPDIR") from error
+                raise
     if MANIFEST not in listed:
         raise InputError(
             f"{run} holds no {MANIFEST}: the copy is not complete, or the run did not end; copy it "
@@ -118,11 +133,7 @@ def _listed(url: str) -> set[str]:
 @contextmanager
 def _reached(url: str) -> Iterator[tuple[Any, str]]:
     """Yield a file system and a path in it; every error of whatever library is a sentence."""
-    if "::" in url or "@" in url.partition("://")[2].partition("/")[0]:
-        raise InputError(
-            "the URL of a store holds no user, no password and no second URL; keys belong into "
-            "the environment, or the configuration of fsspec"
-        )
+    refuse_keys(url)
     try:
         import fsspec
 

@@ -59,7 +59,7 @@ def smallest_printed(cmc: float | None) -> float | None:
     """Return the smallest U of two significant digits that is not below a CMC."""
     if not cmc:
         return cmc
-    exact = Decimal(repr(cmc))
+    exact = Decimal(f"{cmc:.12g}")  # a conversion of its unit leaves its last digits
     return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - 1), ROUND_CEILING))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from station.report.certificate_cmc import cmc_of
+from station.report.certificate_cmc import cmc_of, smallest_printed
 from station.report.numbers import format_with_uncertainty, last_place, rounded, typeset
 from station.uncertainty import coverage_factor
 
@@ -110,7 +110,7 @@ def _curve(result: Result, heat_degC: Sequence[float], laboratory: Laboratory | 
     span = f"{low:.1f} … {high:.1f}".replace("-", "−")
     points: tuple[Point, ...] = ()
     if result.estimate.extra.get("band"):
-        cmc = cmc_of(laboratory, result) or 0.0
+        cmc = smallest_printed(cmc_of(laboratory, result)) or 0.0
         points = tuple(_point(result, temperature_degC, cmc) for temperature_degC in heat_degC)
     return Curve(result.estimate.axis, _polynomial(result), scaled, span, points)
 

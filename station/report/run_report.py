@@ -48,7 +48,7 @@ def context_of_run(folder: RunFolder) -> ReportContext:
     plan, bench = read_plan_and_bench(folder)
     procedure = procedure_of(plan.procedure)
     facts = folder.run_facts()
-    simulated = bench.simulation is not None
+    simulated = bench.is_simulated
     return ReportContext(
         title=procedure.title,
         source=procedure.source,

@@ -10,6 +10,7 @@ import io
 from shlex import quote
 
 from station.report.sheet import Block
+from station.texts import AsTyped
 
 SCALE, MARGIN = 8, 4
 """Pixels of a module, and the quiet zone in modules."""
@@ -21,7 +22,7 @@ WHAT_IT_PROVES = (
 
 def seal(run: str, head: str) -> Block:
     """Return the head of the log of a run, the command that holds it against the run, its code."""
-    command = f"station verify {quote(run)} --head {head}"
+    command = AsTyped(f"station verify {quote(run)} --head {head}")
     rows = (("Head of the log", head), ("Command", command))
     return Block("seal", rows=rows, caption=WHAT_IT_PROVES, image=qr_code(command))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from station.report.numbers import RAISED
+from station.texts import AsTyped
 
 SIGNS = {
     r"degC\b": "°C",
@@ -26,9 +27,9 @@ _BY_GROUP = {f"s{n}": sign for n, sign in enumerate(SIGNS.values())}
 def with_signs(text: str) -> str:
     """Return a text with typeset units and powers of ten.
 
-    `V/g^2` is V/g², `deg/sqrt(h)` deg/√h, `degC` °C, `4.6e-05` 4.6·10⁻⁵.
+    `V/g^2` is V/g², `deg/sqrt(h)` deg/√h, `degC` °C, `4.6e-05` 4.6·10⁻⁵. What a person typed stays.
     """
-    return _UNITS.sub(_sign, text)
+    return text if isinstance(text, AsTyped) else _UNITS.sub(_sign, text)
 
 
 def _sign(match: re.Match[str]) -> str:

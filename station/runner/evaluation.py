@@ -115,9 +115,7 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
 def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     """Return what the run itself, not its data, makes the reader know."""
     flags = []
-    if bench.simulation is not None or any(
-        entry.simulator is not None for entry in bench.instruments.values()
-    ):
+    if bench.is_simulated:
         flags.append(
             Flag("simulated", "The bench is simulated: these numbers say nothing of a real device.")
         )

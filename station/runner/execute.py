@@ -24,9 +24,9 @@ from station.instruments.trace import Trace
 from station.procedure import Procedure, Prompt, procedure_of
 from station.record.events import RUN_STARTED
 from station.record.files import json_text, write_whole_file
-from station.record.folder import EXPORTS, RunFolder, RunRecord
+from station.record.folder import RunFolder, RunRecord
 from station.record.integrity import hash_of_data
-from station.record.layout import BENCH, BENCH_AS_WRITTEN, PLAN, RUN, versions
+from station.record.layout import BENCH, BENCH_AS_WRITTEN, EXPORTS, PLAN, RUN, versions
 from station.runner.evaluation import conclude_run, exit_code_of
 from station.runner.outcome import NO_MEMORY, Outcome, in_one_sentence, is_lack_of_memory
 from station.runner.preflight import Warned, preflight, watch_system_clock

@@ -122,7 +122,12 @@ def test_no_u_is_below_the_cmc_and_what_is_decided_follows_it(
 
 
 def test_a_u_is_not_below_the_cmc_in_its_two_digits_either() -> None:
-    for cmc, printed in ((1.04e-3, "0.0011"), (1.0e-3, "0.0010"), (2.01e-3, "0.0021")):
+    for cmc, printed in (
+        (1.04e-3, "0.0011"),
+        (1.0e-3, "0.0010"),
+        (2.01e-3, "0.0021"),
+        ("0.11 %", "0.0011"),
+    ):
         raised, _ = not_below_cmc(document(*WHOLE), laboratory({"coil_factor": cmc}), "simple")
         (row, *_) = map(result_row, measured(raised))
         assert row[3] == printed

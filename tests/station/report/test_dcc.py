@@ -19,7 +19,8 @@ from station.cli.reporting import remake_report
 from station.decision import Decision, Limit
 from station.errors import InputError
 from station.record.events import head_of_run
-from station.record.folder import EXPORTS, RESULTS, RunFolder
+from station.record.folder import RESULTS, RunFolder
+from station.record.layout import EXPORTS
 from station.report.certificate import ambient_rows, certificate_of_run
 from station.report.certificate_fields import RoomCondition
 from station.report.certificate_results import result_row

@@ -350,6 +350,21 @@ def test_a_certificate_whose_manifest_is_not_renewed_is_issued(
     assert head == hashlib.sha256((run / EVENTS).read_bytes().splitlines()[-1]).hexdigest()
     assert [only.number for only in issued(run)] == ["N-1"]
     assert not verify(run).changed
+    monkeypatch.undo()
+    new_revision(RunFolder(run), *evaluate_run(RunFolder(run)))
+    assert FIRST.file in covered_files(run)
+    assert verify(run).state == "unchanged"
+
+
+def test_an_issue_that_waits_for_another_one_is_refused_and_never_called_issued(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keep(run, FIRST, b"%PDF 1")
+    lock = layout.run_lock(run)
+    with pytest.raises(StationError, match="in use by another process"):
+        keep(run, FIRST, b"%PDF 1")
+    lock.release()
+    assert "is issued" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -361,7 +376,7 @@ def test_a_certificate_whose_manifest_is_not_renewed_is_issued(
         "N/A",
         "TBD.",
         "to be defined",
-        "xx",
+        "xxx",
         "-",
         "待定",
         "TBD\u200b",
@@ -374,6 +389,8 @@ def test_what_stands_for_nothing_says_nothing(text: str) -> None:
     assert not says_something(text)
 
 
-@pytest.mark.parametrize("text", ["A", "7", "x", "室温计", "NA-17", "XX-1", "No damage"])
+@pytest.mark.parametrize(
+    "text", ["A", "7", "0 %", "室温计", "NA-17", "XX-1", "Na", "Null", "No damage"]
+)
 def test_a_short_word_says_something(text: str) -> None:
     assert says_something(text)

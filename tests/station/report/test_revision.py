@@ -13,9 +13,16 @@ from station.cli.analysing import analyse_run
 from station.cli.reporting import FILES, remake_report
 from station.parts import parts_of_text
 from station.record.events import EventLog
-from station.record.folder import EXPORTS, PLOTS, REPORT, RESULTS, RunFolder
+from station.record.folder import PLOTS, REPORT, RESULTS, RunFolder
 from station.record.later import OWN_REVISION, seal
-from station.record.layout import EVENTS, MANIFEST, REVISIONS, covered_files, write_manifest
+from station.record.layout import (
+    EVENTS,
+    EXPORTS,
+    MANIFEST,
+    REVISIONS,
+    covered_files,
+    write_manifest,
+)
 from station.record.verification import verify
 from station.report.revision import newest_revision
 from station.results import ResultDocument

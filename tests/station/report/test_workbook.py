@@ -16,7 +16,8 @@ from station.cli.reporting import remake_report
 from station.errors import InputError
 from station.findings import Covariance
 from station.record.events import head_of_run
-from station.record.folder import EXPORTS, RESULTS, RunFolder
+from station.record.folder import RESULTS, RunFolder
+from station.record.layout import EXPORTS
 from station.report.revision import newest_revision
 from station.report.workbook import workbook_of
 from station.results import ResultDocument
