@@ -108,7 +108,7 @@ def measure(url: str, parent: Path, more: list[Path], count: int) -> dict[str, A
         everything = (count + len(more)) * of_a_run
         seconds["all_results"] = timed(lambda: len(history.results()), everything)
     last = (count + len(more) - 1) // RUNS_ON_A_PAGE + 1
-    pages = {"first_page": ("", 1), "last_page": ("", last), "search": ("sn-1", 1)}
+    pages = {"first_page": ("", 1), "last_page": ("", last), "search": ("sn-0", 1)}
     for name, (search, page) in pages.items():
         began_s = time.perf_counter()
         assert entries("runs", search, url, page), name

@@ -44,7 +44,6 @@ NOT_YET_STORED: dict[str, dict[str, str]] = {
     "docs/explanations/safety.md": {"The guardian": "guardian.py --kills 12 --stops 3 --doubles 9"},
     "docs/explanations/simulated-world.md": {"What is assumed": "recovery.py --seeds 40"},
     "docs/how-to/evaluate-many-runs-again.md": {"On a cluster": "reanalysis.py --runs 1000"},
-    "docs/how-to/look-at-past-runs.md": {"One database for several benches": "history.py"},
     "docs/how-to/first-day-on-hardware.md": {
         "What is verified and what is not": "commissioning.py"
     },
