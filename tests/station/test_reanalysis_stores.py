@@ -198,7 +198,7 @@ WRONG = {
     "s3://laboratory/nothing-here": "no run folder below s3://laboratory/nothing-here",
     "nothing://laboratory/runs": "cannot be read .*nothing",
     "file:///nowhere/runs": "no run folder below file:///nowhere/runs|cannot be read",
-    "s3://lab:secret@laboratory/runs": "no user, no password",
+    "s3://lab:secret@laboratory/runs": "no password",
     "zip://runs::s3://laboratory/runs.zip": "no second URL",
 }
 
