@@ -241,10 +241,15 @@ def errors_of(procedure: str, seed: int) -> dict[str, tuple[float, bool]]:
     deviations = deviations_of(known.findings.estimates, inputs, trials)
     drawn = [each.drawn(random) for each in deviations]
     dataset = deviating(trials, trials.dataset, deviations, drawn, random)
-    findings = replace(known.findings, estimates=trials.analyse(dataset).estimates)
+    # An analysis alone does not know what its findings were told of afterwards, such as a latitude.
+    told = {(e.name, e.axis): e.sensitivities for e in known.findings.estimates}
+    estimates = [
+        replace(e, sensitivities={**told[e.name, e.axis], **e.sensitivities})
+        for e in trials.analyse(dataset).estimates
+    ]
     errors = {}
-    combined = combine(findings.estimates, findings.inputs)
-    for estimate, whole in zip(findings.estimates, combined, strict=True):
+    combined = combine(estimates, known.findings.inputs)
+    for estimate, whole in zip(estimates, combined, strict=True):
         key = estimate.name, estimate.axis
         if key not in known.truth:
             continue
