@@ -4,11 +4,14 @@
     python benchmarks/recovery.py --plan serf-nonorthogonality --seeds 20 \
         --set parameters.shots=as_published --world serf.gyro_was_running=false
 
-`--set` changes the plan, `--world` what the bench file says below `simulation`. One JSON line a
-run, then one over all: the share of errors within three standard uncertainties, the mean square of
-error / uncertainty (design goals: at least 98 %, and 0.7 to 1.4), how often the 95 % interval held
-the truth, and how often, over all of its range, the band of a whole curve. Results for which the
-world has no one number are left out.
+`--set` changes the plan, `--short` makes it the short form of the campaigns, `--world` changes what
+the bench file says below `simulation`. With `--drawn` the errors of gain and clock of every
+instrument are drawn, whose calibration record states a relative uncertainty.
+
+One JSON line a run, then one over all: the share of errors within three standard uncertainties, the
+mean square of error / uncertainty (design goals: at least 98 %, and 0.7 to 1.4), how often the 95 %
+interval held the truth, and how often, over all of its range, the band of a whole curve. Results
+for which the world has no one number are left out.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from campaigns.truths import TRUTHS, fog_curve_off
+from short_forms import SHORT_FORMS
 
 from station import registry
 from station.files.lookup import BENCHES, PLANS, find
@@ -35,6 +39,10 @@ from station.instruments.bench import read_bench
 from station.procedure import Procedures
 from station.results import Result
 from station.runner.execute import Request, execute
+from station.units import parse_as
+
+DRAWN = ("gain_error", "clock_error")
+"""What an instrument that is off by a part of its value has in its simulator."""
 
 
 def main() -> None:
@@ -45,13 +53,19 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--set", action="append", default=[], dest="overrides")
     parser.add_argument("--world", action="append", default=[])
+    parser.add_argument("--short", action="store_true")
+    parser.add_argument("--drawn", action="store_true")
     arguments = parser.parse_args()
-    plan = read_plan(find(PLANS, arguments.plan), Procedures(), arguments.overrides)
+    short = SHORT_FORMS[arguments.plan] if arguments.short else ()
+    changes = [*short, *arguments.overrides]
+    plan = read_plan(find(PLANS, arguments.plan), Procedures(), changes)
     ratios: dict[str, list[float]] = {}
     inside: list[bool] = []
     curves: list[float] = []
     for seed in range(arguments.seeds):
         data = bench_data(seed, arguments.world)
+        if arguments.drawn:
+            draw_errors(data, seed)
         with tempfile.TemporaryDirectory() as parent:
             file = Path(parent) / "bench.yaml"
             file.write_text(yaml.safe_dump(data), encoding="utf-8")
@@ -88,6 +102,25 @@ def bench_data(seed: int, changes: Sequence[str]) -> dict[str, Any]:
             place = place[key]
         place[last] = yaml.safe_load(value)
     return data
+
+
+def draw_errors(data: dict[str, Any], seed: int) -> None:
+    """Let each instrument be off as its calibration record says it may be."""
+    random = np.random.default_rng((seed, 17))
+
+    def drawn(told: Any, u: float) -> Any:
+        if isinstance(told, dict):
+            return {axis: drawn(one, u) for axis, one in told.items()}
+        return f"{100.0 * u * random.standard_normal():.6g} %"
+
+    for entry in data["instruments"].values():
+        records = entry.get("calibration", {}).get("uncertainty", ())
+        stated = [record for record in records if "relative" in record]
+        truth = entry.get("simulator", {})
+        for key in DRAWN:
+            if stated and key in truth:
+                u = parse_as(stated[0]["relative"], "1") / stated[0]["coverage_factor"]
+                truth[key] = drawn(truth[key], u)
 
 
 def errors_of(
