@@ -67,7 +67,8 @@ def summary(every: list[dict[str, tuple[float, bool]]]) -> dict[str, object]:
     return {
         "results": len(covered),
         "coverage_95": round(float(np.mean([*covered.values()])), 4),
-        "least": {least: round(covered[least], 4)},
+        "least_covered": round(covered[least], 4),
+        "least": least,
         "mean_square": round(float(np.mean([*square.values()])), 3),
         "undetermined": round(undetermined / sum(len(own) for own in every), 4),
     }
