@@ -62,7 +62,7 @@ def _rows(folder: RunFolder, recall: Recall | None, about: Row) -> list[Row]:
 
 
 def certificates_of(path: str) -> set[str]:
-    """Return the certificates of the instruments that a run used; none where that is not told.
+    """Return the certificates of the instruments that a run used; none where it does not say.
 
     Raises StationError where the run itself cannot be read.
     """

@@ -56,6 +56,19 @@ from station.findings import Findings, InputQuantity, Key
 from station.reanalysis.monte_carlo import deviating, deviations_of
 from station.uncertainty import combine
 
+ACCELEROMETER_U = {
+    "field_gain": 0.003,
+    "field_offset_T": 2e-6,
+    "voltage_gain": 2e-5,
+    "voltage_offset_V": 1e-5,
+    "graduation_sine_rad": 5e-6,
+    "graduation_cosine_rad": 5e-6,
+    "local_gravity": 1e-5,
+    "stage_angle_rad": 2e-5,
+    "probe_cosine": 1e-3,
+    "ambient_field_T": 3e-6,
+}
+"""Of each input that one number states."""
 ANGLES = tuple(("nonorthogonality_angle", axes) for axes in ("xy", "xz", "yz"))
 
 
@@ -99,20 +112,9 @@ def accelerometer_in_field(seed: int) -> Known:
     """Return a record in two planes."""
     record = accelerometer_records.record(seed)
     findings = accelerometer._findings(record, AccelerometerSettings(), [])
-    u = {
-        "field_gain": 0.003,
-        "field_offset_T": 2e-6,
-        "voltage_gain": 2e-5,
-        "voltage_offset_V": 1e-5,
-        "graduation_sine_rad": 5e-6,
-        "graduation_cosine_rad": 5e-6,
-        "local_gravity": 1e-5,
-        "stage_angle_rad": 2e-5,
-        "probe_cosine": 1e-3,
-        "ambient_field_T": 3e-6,
-    }
     terms = accelerometer_analysis.analyse(record).identifiability.terms
-    return Known(with_inputs(findings, **u), _of_terms(terms, accelerometer_records.TRUTH))
+    stated = with_inputs(findings, **ACCELEROMETER_U)
+    return Known(stated, _of_terms(terms, accelerometer_records.TRUTH))
 
 
 def coils_of_a_cell(seed: int) -> Known:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from accelerometer_records import record
+from known_findings import ACCELEROMETER_U
 from shipped import shipped_bench
 from trials import in_this_process, trials_in, tried, with_inputs, wrong_sensitivities
 
@@ -14,18 +15,6 @@ from procedures.accelerometer_magnetic_sensitivity.parameters import AnalysisSet
 from procedures.common.homogeneity import at_device
 from station.findings import Findings
 
-U = {
-    "field_gain": 0.003,
-    "field_offset_T": 2e-6,
-    "voltage_gain": 2e-5,
-    "voltage_offset_V": 1e-5,
-    "graduation_sine_rad": 5e-6,
-    "graduation_cosine_rad": 5e-6,
-    "local_gravity": 1e-5,
-    "stage_angle_rad": 2e-5,
-    "probe_cosine": 1e-3,
-    "ambient_field_T": 3e-6,
-}
 LEAN_RAD = 1e-3
 
 
@@ -33,7 +22,7 @@ def findings_of(planes: tuple[str, ...], angles: int) -> Findings:
     """Return findings with every input stated."""
     findings = _findings(record(3, planes, angles), AnalysisSettings(), [])
     leans = [q.name for q in findings.inputs if q.name.startswith("mounting_")]
-    return with_inputs(findings, **U, **dict.fromkeys(leans, LEAN_RAD))
+    return with_inputs(findings, **ACCELEROMETER_U, **dict.fromkeys(leans, LEAN_RAD))
 
 
 @pytest.mark.parametrize(

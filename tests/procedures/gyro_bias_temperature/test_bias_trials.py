@@ -2,38 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from bias_records import CASES, Gyro, record
+from known_findings import bias_over_temperature
 from trials import in_this_process, trials_in, tried, wrong_sensitivities
 
-from procedures.gyro_bias_temperature.evaluate import _by_board, _findings
 from procedures.gyro_bias_temperature.model import loop
-from procedures.gyro_bias_temperature.parameters import BiasTemperatureParameters
-from station.findings import Findings, InputQuantity
+from station.findings import Findings
 from station.uncertainty import combine
-
-U = {"clock": 1e-5, "pulse_weight": 1e-5}
-
-
-def made(gyro: Gyro, seed: int) -> Findings:
-    """Return findings of a record of a board's pulses."""
-    dataset = record(gyro, seed)
-    given = BiasTemperatureParameters.model_construct(
-        attitude_uncertainty_arcmin=3.4,
-        thermometer_uncertainty_degC=0.5,
-        latitude_uncertainty_arcmin=3.4,
-    )
-    inputs = [InputQuantity(name, name, u, "1", "the test") for name, u in U.items()]
-    findings = _findings(dataset, given, "the test", more=inputs)
-    return replace(findings, estimates=[_by_board(dataset, e) for e in findings.estimates])
 
 
 @pytest.fixture(scope="module")
 def findings() -> Findings:
-    return made(CASES["fibre-optic"], 3)
+    return bias_over_temperature(3).findings
 
 
 def test_each_input_does_to_the_data_what_its_sensitivity_says(findings: Findings) -> None:

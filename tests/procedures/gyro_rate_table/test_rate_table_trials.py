@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from rate_records import LATITUDE_RAD, Gyro, made
+from known_findings import rate_table
 from trials import in_this_process, trials_in, tried, wrong_sensitivities
 
-from procedures.estimation.direction import with_latitude
-from procedures.gyro_rate_table.dataset import AnalysisSettings
-from procedures.gyro_rate_table.evaluate import UPWARDS, _findings
-from station.findings import Findings, InputQuantity
-
-U = {"clock": 2e-6, "pulse_weight": 2e-6, "alignment": 2e-6, "level": 1e-3}
+from station.findings import Findings
 
 
 @pytest.fixture(scope="module")
 def findings() -> Findings:
-    dataset = made(np.random.default_rng(3), Gyro(scatter_ppm=3.0, repeats=4, K=0.05)).dataset
-    inputs = [InputQuantity(name, name, u, "1", "the test") for name, u in U.items()]
-    own = _findings({"IA": dataset}, AnalysisSettings(), inputs)
-    return with_latitude(own, {"IA": UPWARDS}, LATITUDE_RAD, 3.4, "the test")
+    return rate_table(3).findings
 
 
 def test_each_input_does_to_the_data_what_its_sensitivity_says(findings: Findings) -> None:
