@@ -142,8 +142,8 @@ def _reached(url: str) -> Iterator[tuple[Any, str]]:
         raise
     except ImportError as error:
         raise InputError(
-            f"{url} needs a package that is not installed ({reason_of(error)}); for s3:// run `pip "
-            "install inertial-station[cluster,s3]`"
+            f"{url} needs a package that is not installed ({reason_of(error)}); run `pip install "
+            "inertial-station[cluster,s3]`, without s3 for a store that is no s3://"
         ) from error
     except Exception as error:  # each kind of store has errors of its own
         raise InputError(
