@@ -7,9 +7,10 @@ and CRC-32/MPEG-2: 38 bytes. The further float is by turns the temperature and t
 Y, Z in gauss. Not confirmed in a primary source: that a bit of a built-in test is set while the
 part is well, the highest bit of each byte aside.
 
-The unit streams from power-up on. This driver keeps it in its configuration mode, where it is
-quiet, until it is started, and lets it stream again when it is closed. The unit never answers
-`=CONFIG,0`: that it streams again is proved by a frame.
+The unit streams from power-up on, one frame of its built-in test first, in the format that was set
+last: A (36 bytes), B (40, with a time stamp) or C. This driver keeps it in its configuration mode,
+where it is quiet, until it is started, and lets it stream again when it is closed. The unit never
+answers `=CONFIG,0`: that it streams again is proved by a frame.
 
 The unit keeps its settings without power. Those that outputs hang on are read, set for the run and
 put back at its end; whatever is set is compared with what the unit answers. The types of its
@@ -27,13 +28,11 @@ Commands and their sources:
     =LINFMT,ACCEL - accelerations in g, so that LINUNITS does not matter - ICD 56-0298 B p.55 -
         confirmed
     =TEMPUNITS,C - degC - ICD 56-0298 B p.55 - confirmed
-    =AXES,1,0,0,0,1,0,0,0,1 - axes as they are built in - ICD 56-0298 B p.55; how it is written is
-        taken from the answer - not confirmed
+    =AXES,1,0,0,0,1,0,0,0,1 - axes as they are built in - ICD 56-0298 B p.30, 55, 56 - confirmed
     =FILTEN,1 - filters on - ICD 56-0298 B p.55 - confirmed
     =MSYNC,IMU - outputs by its own clock - ICD 56-0298 B p.55 - confirmed
     =DR - outputs per second - ICD 56-0298 B p.33 - confirmed
-    ?FILTTYPE,A, ?FILTTYPE,G - types of the filters; how it is asked is taken from the setting -
-        ICD 56-0298 B p.40, 55 - not confirmed
+    ?FILTTYPE,A, ?FILTTYPE,G - types of the filters - ICD 56-0298 B p.44 - confirmed
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from sim_instruments.world.piecewise import Array
 FIRST_AHEAD, MAX_AHEAD = 16, 1024
 SHORTEST_BATCH_S = 0.1
 ROOM_DEGC = 22.0
+PROBED_S = 1e-3
 LASTING_FAULTS = (Frozen.kind, Silent.kind, Overload.kind, GyroFails.kind, Overheating.kind)
 
 Counters = npt.NDArray[np.int64]
@@ -110,6 +111,12 @@ class NineAxisModel(OutputModel):
         """Whether the gyro x has failed its own test."""
         self._faults.catch_up()
         return self._faults.now(GyroFails.kind) is not None
+
+    def temperature_degC(self) -> float:
+        """Return how warm the sensor is now."""
+        now_s = self._clock.now()
+        edges_s = np.array([now_s, now_s + PROBED_S])
+        return float(self._world.nine_axis_means(edges_s).temperature_degC[0])
 
     def start(self, rate_Hz: float) -> None:
         """Begin to output, the counter from 1."""

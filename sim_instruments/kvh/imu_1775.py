@@ -1,27 +1,30 @@
-"""KVH 1775 fibre-optic IMU on RS-422: frames of formats A and C, and its configuration in text.
+"""KVH 1775 fibre-optic IMU on RS-422: frames of formats A, B and C, its configuration in text.
 
 From the interface control document ICD 56-0298 Rev B. After power-up one frame of the built-in test
-comes, then data. `=CONFIG,1` ends the data and is answered; `=CONFIG,0` begins them and is not.
+comes, then data, unasked (p.13). `=CONFIG,1` ends the data and is answered; `=CONFIG,0` begins them
+and is not.
 In configuration mode a line that is none is answered `INVALID,<echo>`, a bad value `USAGE` or
 `ERROR`; in normal mode all but `=CONFIG,1`, `?BIT` and `?BIT,2` is passed over. The built-in test
 is answered after the next data, and its check sum is the sum of all bytes before. Settings outlast
-the power, CONFIG and ECHO do not; `=RSTCFG` brings those of the maker back. `=MSYNC,EXT` leaves the
-filter AVE behind, and without its signal nothing is output.
+the power, CONFIG and ECHO do not; `=RSTCFG` brings those of the maker back, the baud rate aside
+(p.56). ECHO counts how often it was called, or takes a number (p.34). `=MSYNC,EXT` leaves the
+filter AVE behind, and without its signal nothing is output. `?HELP` lists the commands (p.44).
 
 Frames as public clients read them: header FE 81 FF 57, three gyros and three accelerometers (float,
 the most significant byte first), one further float, status, sequence number, CRC-32/MPEG-2; 38
 bytes. The sequence number is 0 to 127, and its two lowest bits say what the further float is:
 temperature, magnetometer X, Y or Z. Format A (header FE 81 FF 55, 36 bytes) has the temperature as
-a whole number after the sequence number. Written from that alone, with a checksum of its own.
+a whole number after the sequence number; format B (header FE 81 FF 56, 40 bytes; p.15) is A with a
+time stamp of four bytes before the status. Written from that alone, with a checksum of its own.
 
-Assumed here: accelerometers in g; what follows `USAGE` and `ERROR`; how the filters' types are
-asked (`?FILTTYPE,A`); the other baud rates; the sequence goes on from where it was; a frame of the
-built-in test has six bytes of seven bits, eight after `?BIT,2`, each bit set while its part is
-well. Of format B nothing is sent, as its layout is not known. Filters change nothing: outputs are
-means.
+Assumed here: accelerometers in g; what follows `USAGE` and `ERROR`; the sequence goes on from where
+it was; a frame of the built-in test has six bytes of seven bits, eight after `?BIT,2`, each bit set
+while its part is well (the log of p.46 has 7F for each); the time stamp counts microseconds since
+power-up and begins again after 2^32 (two public clients, one of which counts from a pulse per
+second); the answer of `?TEMP`. Filters change nothing: outputs are means.
 
-A unit that is switched off is silent. One that is switched on streams; this one begins with the
-first byte that it hears, so that a bench where nobody looks at it costs nothing.
+A unit that is switched off is silent. One that is switched on streams; this one begins when
+somebody comes on the line, so that a bench where nobody looks at it costs nothing.
 """
 
 from __future__ import annotations
@@ -45,7 +48,7 @@ FIRMWARE = (
     "GCB DSP Rev C Version: 31",
     "GCB FPGA Rev: D",
 )
-HEADER_A, HEADER = bytes((0xFE, 0x81, 0xFF, 0x55)), bytes((0xFE, 0x81, 0xFF, 0x57))
+HEADER_A, HEADER_B, HEADER = (bytes((0xFE, 0x81, 0xFF, last)) for last in (0x55, 0x56, 0x57))
 SELF_TEST, LONG_SELF_TEST = bytes((0xFE, 0x81, 0x00, 0xAA)), bytes((0xFE, 0x81, 0x00, 0xAB))
 SELF_TESTS = {"?BIT": (SELF_TEST, 6), "?BIT,2": (LONG_SELF_TEST, 8)}
 """By query: header of the answer and how many bytes of seven bits it has."""
@@ -72,11 +75,29 @@ FRAME_A = np.dtype(
         ("crc", ">u4"),
     ]
 )
+FRAME_B = np.dtype(
+    [
+        ("header", "V4"),
+        ("gyro", ">f4", 3),
+        ("force", ">f4", 3),
+        ("time_us", ">u4"),
+        ("status", "u1"),
+        ("sequence", "u1"),
+        ("temperature", ">i2"),
+        ("crc", ">u4"),
+    ]
+)
+FORMATS = {"A": (FRAME_A, HEADER_A), "B": (FRAME_B, HEADER_B), "C": (FRAME, HEADER)}
+STAMPS = 1 << 32
+LOOK_S = 1.0
+"""How often it is looked at whether somebody has switched the unit on or off."""
 MODULUS = 128
 GYRO_BITS = np.array([1, 2, 4], dtype=np.uint8)
 FORCE_BITS = 0x70
 GAUSS = 1e-5  # per nT
 RATES_HZ = (1, 5, 10, 25, 50, 100, 250, 500, 750, 1000, 3600, 5000)
+BAUDS = ("9600", "19200", "38400", "57600", "115200", "460800", "576000", "921600", "4147200")
+"""ICD 56-0298 B p.30."""
 UNIT_MATRIX = ",".join(f"{value:+.6E}" for value in np.eye(3).ravel())
 SETTINGS = {
     "OUTPUTFMT": ("A", ("A", "B", "C")),
@@ -88,11 +109,11 @@ SETTINGS = {
     "LINUNITS": ("METERS", ("METERS", "FEET")),
     "FILTEN": ("1", ("0", "1")),
     "MSYNC": ("IMU", ("IMU", "EXT")),
-    "BAUD": ("921600", ("9600", "19200", "38400", "57600", "115200", "460800", "921600")),
-    "ECHO": ("0", ("0", "1")),
+    "BAUD": ("921600", BAUDS),
 }
 """Of each setting of one word: what the unit comes with, and what it may be."""
 
+FIXED = ("=CONFIG,1", "=CONFIG,0", "=RESTART", "=RSTCFG", "=ECHO", "?ECHO", "?TEMP")
 FILTERS = ("CHEBY", "BUTTER", "AVE")
 FACTORY = {
     **{name: first for name, (first, _) in SETTINGS.items()},
@@ -141,22 +162,51 @@ class Kvh1775(FrameInstrument):
             "?IS": f"IS,{setting.serial}",
             "?WS": "\r\n".join(FIRMWARE),
         }
+        names = [*FIXED, *self._fixed, *SELF_TESTS]
+        names += [f"{sign}{name}" for name in FACTORY for sign in "=?"]
+        self._fixed["?HELP"] = self._fixed["=HELP"] = "\r\n".join(sorted(names))
         self._settings = dict(FACTORY)
         if "settings" in setting.truth:
             left = setting.truth.section("settings")
             for name in FACTORY:
                 if name in left and not self._sets(name, left.text(name).upper()):
                     raise SimulationError(f"{left.where}.{name}: it has no such value")
-        self._awake = self._configures = False
+        self._awake = self._configures = self._ended = False
+        self._echoes = 0
         self._tests: list[bytes] = []
         self._sequence = 0
         self._model = NineAxisModel(setting, self._frames, self._send)
+        self._clock, self._lock, self._name = setting.clock, setting.world.lock, setting.name
+        self._on_s = self._begin_s = self._clock.now()
         self.begin_to_serve(setting, commands_in, self._model)
+        self._looks = False
+        self._server.when_connected(self._begin_to_look)
+
+    def close(self) -> None:
+        """Hang up; nobody looks any more whether it is switched on."""
+        self._ended = True
+        super().close()
 
     def knows(self, command: str) -> bool:
         """Whether the sensor has a command or a setting."""
-        own = command in (*SELF_TESTS, "=CONFIG,1", "=CONFIG,0", *self._fixed)
+        own = command in (*SELF_TESTS, *FIXED, *self._fixed)
         return own or setting_of(command[1:])[0] in FACTORY
+
+    def _begin_to_look(self) -> None:
+        if not self._looks:
+            self._looks = True
+            self._clock.repeat(f"{self._name} power", self._clock.now(), self._look)
+
+    def _look(self) -> float | None:
+        """Notice that the unit was switched on or off; one that is on streams unasked."""
+        if self._ended:
+            return None
+        with self._lock:
+            if not self._model.powered:
+                self._awake = False
+            elif not self._awake:
+                self._power_up()
+        return self._clock.now() + LOOK_S
 
     def _received(self, line: bytes) -> None:
         if not self._model.powered:
@@ -177,8 +227,8 @@ class Kvh1775(FrameInstrument):
             self._tests.append(self._self_test(*SELF_TESTS[text]))
 
     def _power_up(self) -> None:
-        self._awake, self._configures = True, False
-        self._settings["ECHO"] = FACTORY["ECHO"]
+        self._awake, self._configures, self._echoes = True, False, 0
+        self._on_s = self._clock.now()
         self._server.send("self-test", self._self_test(*SELF_TESTS["?BIT"]))
         self._stream()
 
@@ -192,8 +242,13 @@ class Kvh1775(FrameInstrument):
             self._power_up()
             return ""
         if text == "=RSTCFG":
-            self._settings = dict(FACTORY)
+            self._settings = {**FACTORY, "BAUD": self._settings["BAUD"]}
             return "RSTCFG"
+        if text == "?TEMP":
+            warm = self._in_its_units(np.array([self._model.temperature_degC()]))
+            return f"TEMP,{warm[0]:.2f}"
+        if text[1:].split(",")[0] == "ECHO":
+            return self._echoed(text)
         if text in self._fixed:
             return self._fixed[text]
         asks, name, value = text[:1], *setting_of(text[1:])
@@ -204,6 +259,17 @@ class Kvh1775(FrameInstrument):
         if asks == "=" and not self._sets(name, value):
             return f"ERROR,{text}" if value else f"USAGE,={name},<value>"
         return f"{name},{self._settings[name]}"
+
+    def _echoed(self, text: str) -> str:
+        """Count a call of ECHO, or take the number that it gives."""
+        _, _, value = text.partition(",")
+        if not value:
+            self._echoes += 1
+        elif value == "RESET" or value.isdecimal():
+            self._echoes = 0 if value == "RESET" else int(value)
+        else:
+            return f"ERROR,{text}"
+        return f"ECHO,{self._echoes}"
 
     def _sets(self, name: str, value: str) -> bool:
         """Take a value; return whether the setting may have it."""
@@ -223,14 +289,16 @@ class Kvh1775(FrameInstrument):
         return True
 
     def _stream(self) -> None:
+        self._begin_s = self._clock.now()
         self._sequence = (self._sequence + self._model.counter) % MODULUS
         self._model.start(float(self._settings["DR"]))
 
     def _frames(self, counters: Counters, means: Means) -> list[bytes]:
         """Return the frames of outputs in the format and units that are set."""
         kept = self._settings
-        long = kept["OUTPUTFMT"] == "C"
-        rows = np.zeros(len(counters), dtype=FRAME if long else FRAME_A)
+        layout, header = FORMATS[kept["OUTPUTFMT"]]
+        named = layout.names or ()
+        rows = np.zeros(len(counters), dtype=layout)
         axes = np.array([float(number) for number in kept["AXES"].split(",")]).reshape(3, 3).T
         gyro, force = means.gyro_deg_per_s @ axes, means.accelerometer_g @ axes
         if kept["ROTUNITS"] == "RAD":
@@ -241,14 +309,15 @@ class Kvh1775(FrameInstrument):
             force = force * STANDARD_GRAVITY / float(kept["DR"])
             force = force / METRES_PER_FOOT if kept["LINUNITS"] == "FEET" else force
         sequence = (self._sequence + counters) % MODULUS
-        warm = means.temperature_degC
-        warm = warm * 1.8 + 32.0 if kept["TEMPUNITS"].startswith("F") else warm
-        warm = warm * 100.0 if kept["TEMPUNITS"].endswith("_100") else warm
-        rows["header"] = np.void(HEADER if long else HEADER_A)
+        warm = self._in_its_units(means.temperature_degC)
+        rows["header"] = np.void(header)
         rows["gyro"], rows["force"] = gyro, force
         rows["status"] = FORCE_BITS | (means.valid @ GYRO_BITS).astype(np.uint8)
         rows["sequence"] = sequence
-        if long:
+        if "time_us" in named:
+            since_s = self._begin_s - self._on_s + counters / float(kept["DR"])
+            rows["time_us"] = np.round(1e6 * since_s) % STAMPS
+        if "further" in named:
             further = np.column_stack((warm, means.magnetometer_nT * GAUSS))
             rows["further"] = further[np.arange(len(counters)), sequence % 4]
         else:
@@ -258,8 +327,13 @@ class Kvh1775(FrameInstrument):
         data = rows.tobytes()
         return [data[k : k + size] for k in range(0, len(data), size)]
 
+    def _in_its_units(self, warm_degC: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        units = self._settings["TEMPUNITS"]
+        warm = warm_degC * 1.8 + 32.0 if units.startswith("F") else warm_degC
+        return warm * 100.0 if units.endswith("_100") else warm
+
     def _send(self, frames: Any) -> None:
-        if self._settings["MSYNC"] == "IMU" and self._settings["OUTPUTFMT"] != "B":
+        if self._settings["MSYNC"] == "IMU":
             self._server.send_all("output", frames)
         tests, self._tests = self._tests, []
         for test in tests:

@@ -90,6 +90,20 @@ class FrameStreamServer(TcpServer):
         self._tap = FrameTap(setting.faults)
         self._client: socket.socket | None = None
         self._sending = Lock()
+        self._arrived: Callable[[], None] | None = None
+
+    def when_connected(self, act: Callable[[], None]) -> None:
+        """Have something done whenever somebody connects, with the world's lock held."""
+
+        def arrived() -> None:
+            with self._lock:
+                newest = self.connected()
+                with self._sending:
+                    self._client = self._client or (newest[0] if newest else None)
+                act()
+
+        if not self._wire.when_opened(arrived):
+            self._arrived = arrived
 
     def send(self, name: str, frame: bytes) -> None:
         """Send a frame, whose message has a name, to the client if there is one."""
@@ -116,6 +130,8 @@ class FrameStreamServer(TcpServer):
         """Take the client's frames until it leaves."""
         with self._sending:
             self._client = client
+        if self._arrived is not None:
+            self._arrived()
         pending = b""
         try:
             while data := client.recv(65536):

@@ -100,6 +100,13 @@ class Wire(ABC):
     def open(self) -> None:
         """Say that a client in this process listens on the wire."""
 
+    def when_opened(self, act: Callable[[], None]) -> bool:
+        """Have something done in the thread of a client that opens the wire, and return True.
+
+        False where a clock does not do so: the server then sees for itself who comes.
+        """
+        return False
+
     @abstractmethod
     def close(self) -> None:
         """Say that the client is gone; what was in flight is forgotten."""

@@ -57,11 +57,19 @@ class VirtualWire(Wire):
         self._server = Participant(address, (SERVES, 0, ""), stoppable=True)
         self._server.at_once = True
         self._listeners: list[Callable[[], bool]] = []
+        self._when_opened: list[Callable[[], None]] = []
 
     def open(self) -> None:
         """Say that a client in this process listens on the wire."""
         with self._turns.mutex:
             self._open = True
+        for act in self._when_opened:
+            act()
+
+    def when_opened(self, act: Callable[[], None]) -> bool:
+        """Have something done in the thread of a client that opens the wire."""
+        self._when_opened.append(act)
+        return True
 
     def close(self) -> None:
         """Forget what was in flight: the client is gone."""

@@ -8,12 +8,15 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 
 import pytest
-from fixture import recorded
-from imu_fixture import FORCE_G, imu
+from fixture import Fixture, recorded, standing
+from imu_fixture import FORCE_G, TRUTH, Spindle, imu
 from navigator_fixture import RawLine
 
+from drivers.transport.serial_stream import ends_with_its_crc
+from sim_instruments.kvh.imu_1775 import Kvh1775 as SimulatedKvh
 from sim_instruments.truth import SimulationError
 from station.errors import InstrumentTimeout
 
@@ -121,12 +124,80 @@ def test_frames_of_format_a_have_angles_in_radians_and_whole_degrees() -> None:
         assert data[28] == 0x77 and struct.unpack_from(">h", data, 30) == (68,)
 
 
+@contextmanager
+def stranger_of_a_spindle() -> Iterator[tuple[Fixture, Spindle, RawLine]]:
+    """Be on the line of a unit that is switched off, and say nothing."""
+    spindle = Spindle()
+    spindle.dut_powered = False
+    with standing("imu", SimulatedKvh, TRUTH, spindle) as fixture:
+        line = RawLine(fixture)
+        try:
+            yield fixture, spindle, line
+        finally:
+            line.close()
+
+
+def test_a_unit_that_is_switched_on_streams_unasked_its_built_in_test_first() -> None:
+    with stranger_of_a_spindle() as (fixture, spindle, line):
+        fixture.clock.sleep(5.0)
+        assert line.received == b""
+        spindle.dut_powered = True
+        fixture.clock.sleep(1.5)
+        assert line.received.startswith(bytes.fromhex("FE8100AA"))
+        assert line.received[11:15] == bytes.fromhex("FE81FF55")
+
+
+def test_an_echo_counts_or_takes_a_number_and_is_forgotten() -> None:
+    with stranger() as say:
+        assert say(b"=echo\n?echo\n") == b"ECHO,1\r\nECHO,2\r\n"
+        assert say(b"=ECHO,7\n=echo\n") == b"ECHO,7\r\nECHO,8\r\n"
+        assert say(b"=echo,reset\n") == b"ECHO,0\r\n"
+        assert say(b"=echo,x\n").startswith(b"ERROR")
+        say(b"=echo,7\n=restart\n=config,1\n")
+        assert say(b"?echo\n") == b"ECHO,1\r\n"
+
+
+def test_it_answers_its_temperature_in_the_units_that_are_set_and_lists_its_commands() -> None:
+    with stranger() as say:
+        assert say(b"?temp\n").startswith(b"TEMP,20.")
+        say(b"=tempunits,f_100\n")
+        assert say(b"?temp\n").startswith(b"TEMP,68")
+        assert b"?AXES\r\n" in say(b"=help\n")
+
+
+def test_the_factory_settings_leave_the_baud_rate() -> None:
+    with stranger() as say:
+        assert say(b"=baud,4147200\n=rstcfg\n?baud\n").endswith(b"BAUD,4147200\r\n")
+
+
+def test_frames_of_format_b_have_a_time_stamp() -> None:
+    with stranger() as say:
+        say(b"=dr,50\n=outputfmt,b\n")
+        data = say(b"=config,0\n") + say(b"")
+        frames = [data[k : k + 40] for k in range(0, len(data) - 39, 40)]
+        assert len(frames) > 2
+        assert all(frame[:4] == bytes.fromhex("FE81FF56") for frame in frames)
+        stamps = [struct.unpack_from(">I", frame, 28)[0] for frame in frames]
+        assert [after - before for before, after in pairwise(stamps)] == [20000] * (len(stamps) - 1)
+        assert frames[0][32] == 0x77 and struct.unpack_from(">h", frames[0], 34) == (20,)
+        assert all(ends_with_its_crc(frame) for frame in frames)
+
+
 def test_no_unit_is_made_with_a_setting_that_it_does_not_have() -> None:
     with (
         pytest.raises(SimulationError, match=r"settings\.DR: it has no such value"),
         imu("kvh", settings={"DR": "33"}),
     ):
         pass
+
+
+def test_a_driver_opens_a_unit_that_streams_in_any_format() -> None:
+    for left in ("A", "B", "C"):
+        with imu("kvh", settings={"OUTPUTFMT": left}) as (fixture, driver):
+            fixture.clock.sleep(3.0)
+            assert len(fixture.heard) > 5
+            assert driver.identify().model == "1775"
+            assert not any(direction == "!" for direction, _ in fixture.heard)
 
 
 LEFT = [
@@ -175,5 +246,7 @@ def test_a_unit_that_does_not_stream_after_its_configuration_is_noticed() -> Non
 def test_a_built_in_test_that_is_not_answered_is_no_good_one() -> None:
     fault = {"fault": "lost-frame", "command": "command ?bit"}
     states = "no built-in test came within 0.5 s"
-    with imu("kvh", fault) as (_, driver), pytest.raises(InstrumentTimeout, match=states):
-        driver.status()
+    with imu("kvh", fault) as (fixture, driver):
+        fixture.clock.sleep(2.0)  # that of the power-up is over
+        with pytest.raises(InstrumentTimeout, match=states):
+            driver.status()
