@@ -8,10 +8,12 @@ source settles of the answers is a key of the truth (`sim_instruments.acutronic.
 that the queue gives the oldest error first, that a servo closes with the mode off, and that
 `:Mode:Home`, which the manual marks as future, turns to the encoder's zero (`mode_home` of the
 truth makes it `refused` or `ignored`); that `:Interlock?` answers with the words that the manual
-gives for `:Interlock:Control?` (Close, Open, Fault); that a state vector is position, rate and
-acceleration, which `;` parts as it parts the values of an oscillator; that an event register, whose
-second argument is not explained, shows the bits that are set now. An oscillator's values are kept
-and drive nothing. Left out: oscillating, following, jerk (it is kept, and
+gives for `:Interlock:Control?` (Close, Open, Fault); that the two values of a state vector (p.113,
+4.10.6) are position and rate, which `;` parts as it parts the values of an oscillator, and that
+`:Read:SVector?` has the same two; that `:Demand:DeltaPosition?` answers the last change demanded;
+how `:Configure:Oscillator?` writes what was set; that an event register, whose second argument is
+not explained, shows the bits that are set now. An oscillator's values are kept and drive nothing.
+Left out: oscillating, following, jerk (it is kept, and
 limits nothing), the wrapping of values beyond full scale, real-time data, binary numbers.
 """
 
@@ -55,6 +57,12 @@ COMMAND_ERROR, EXECUTION_ERROR = 1 << 5, 1 << 4
 """Of the standard event register, IEEE 488.2 11.5.1."""
 
 NOT_UNDERSTOOD = (UNKNOWN_COMMAND, AMBIGUOUS, SYNTAX, MISSING_PARAMETER, TOO_LONG)
+SLEWS = {
+    0: ("ENABLE", "DISABLE"),
+    3: ("POSITION", "RATE", "ACCELERATION"),
+    4: ("LINEAR", "LOGARITHMIC"),
+}
+"""The words that configure an oscillator, by their places after the axis."""
 REGISTERS = ("STATE", "DYN", "SWFLT")
 
 
@@ -145,9 +153,7 @@ class Acutrol3000(LineInstrument):
             "Position": answer(Axis.position_deg),
             "Rate": answer(Axis.rate_deg_per_s),
             "Acceleration": answer(Axis.acceleration),
-            "SVector": answer(
-                lambda axis: (axis.position_deg(), axis.rate_deg_per_s(), axis.acceleration())
-            ),
+            "SVector": answer(lambda axis: (axis.position_deg(), axis.rate_deg_per_s())),
         }
         home = {"Mode:Home": act(self._search_zero)} if self._mode_home != "refused" else {}
         return {
@@ -167,12 +173,17 @@ class Acutrol3000(LineInstrument):
                 lambda a, given: setattr(a.demands, "acceleration", number(given, 0))
             ),
             "Demand:Oscillator": command(
-                lambda a, given: setattr(a.demands, "oscillator", numbers(given))
+                lambda a, given: setattr(a.demands, "oscillator", numbers(given, 3))
             ),
-            "Demand:SVector": command(lambda a, given: a.demand_vector(*numbers(given))),
+            "Configure:Oscillator": command(
+                lambda a, given: setattr(a.demands, "slews", slews(given))
+            ),
+            "Configure:Oscillator?": answer(lambda axis: axis.demands.slews),
+            "Demand:SVector": command(lambda a, given: a.demand_vector(*numbers(given, 2))),
             "Demand:Position?": answer(lambda axis: axis.demands.position),
             "Demand:Rate?": answer(lambda axis: axis.demands.rate),
             "Demand:Acceleration?": answer(lambda axis: axis.demands.acceleration),
+            "Demand:DeltaPosition?": answer(lambda axis: axis.demands.change_deg),
             "Demand:Oscillator?": answer(lambda axis: axis.demands.oscillator),
             "Demand:SVector?": answer(lambda axis: axis.demands.vector()),
             "Interlock?": answer(Axis.interlock),
@@ -259,6 +270,20 @@ class Acutrol3000(LineInstrument):
             self._status_byte |= SAFETY_INTERLOCK | SUMMARY
 
 
-def numbers(given: list[str]) -> tuple[float, float, float]:
-    """Return the first three arguments as numbers."""
-    return number(given, 0), number(given, 1), number(given, 2)
+def numbers(given: list[str], count: int) -> tuple[float, ...]:
+    """Return the first arguments as numbers; AclError where there are more or fewer."""
+    if len(given) > count:
+        raise AclError(SYNTAX)
+    return tuple(number(given, place) for place in range(count))
+
+
+def slews(given: list[str]) -> tuple[str | float, ...]:
+    """Return what the oscillator is configured to, in whole words."""
+    switch, amplitude, course = (whole(argument(given, k), SLEWS[k]) for k in SLEWS)
+    return (
+        switch.capitalize(),
+        number(given, 1),
+        number(given, 2),
+        amplitude.capitalize(),
+        course.capitalize(),
+    )

@@ -57,7 +57,9 @@ class Answers:
             return answer
         values = [answer] if isinstance(answer, float | int) else answer
         between = ";" if isinstance(answer, tuple) else ","
-        return between.join(decimal(number, self._decimals) for number in values)
+        return between.join(
+            value if isinstance(value, str) else decimal(value, self._decimals) for value in values
+        )
 
     def entries(self, codes: list[int]) -> str:
         """Return entries of the error queue; that `;` parts several is not confirmed."""

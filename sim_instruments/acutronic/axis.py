@@ -214,12 +214,12 @@ class Axis:
             raise AclError(OUT_OF_RANGE)
         wanted = self._plan_deg() + change_deg
         self.demand("POSITION", wanted % 360.0 if self.encoder.continuous else wanted)
+        self.demands.change_deg = change_deg
 
-    def demand_vector(self, position: float, rate: float, acceleration: float) -> None:
-        """Take demands of position, rate and acceleration; that of acceleration is kept."""
+    def demand_vector(self, position: float, rate: float) -> None:
+        """Take demands of position and rate."""
         self.demand("POSITION", position)
         self.demand("RATE", rate)
-        self.demands.acceleration = acceleration
 
     def search_zero(self) -> None:
         """Turn to the encoder's zero and let it read zero there; the mode is then position."""

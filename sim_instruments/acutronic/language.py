@@ -61,7 +61,7 @@ LETTERS = {
 }
 """The forms of one letter of the controller before (Act2000), which win over ambiguity."""
 
-Answer = str | float | list[float] | tuple[float, ...]
+Answer = str | float | list[float] | tuple[str | float, ...]
 """A text, a number, several that `,` parts, or several that `;` parts."""
 
 Act = Callable[[list[str]], Answer | None]

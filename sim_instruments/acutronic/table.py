@@ -56,11 +56,15 @@ class Demands:
     position: float = 0.0
     rate: float = 0.0
     acceleration: float = 0.0
+    change_deg: float = 0.0
     oscillator: tuple[float, ...] = (0.0, 0.0, 0.0)
+    slews: tuple[str | float, ...] = ("Disable", 0.0, 0.0, "Position", "Linear")
+    """Of the oscillator: whether its values slew, how fast amplitude and frequency do, of what
+    quantity the amplitude is, and how it slews."""
 
     def vector(self) -> tuple[float, ...]:
-        """Return the demands of position, rate and acceleration."""
-        return self.position, self.rate, self.acceleration
+        """Return the demands of position and rate."""
+        return self.position, self.rate
 
 
 class Encoder:

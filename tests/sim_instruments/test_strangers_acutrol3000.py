@@ -20,7 +20,12 @@ from table_bench import LIMITED, RawTable, table_bench
         (":L:H 1,80;:L:H? 1;:L:L 1,-80;:L:L? 1", "80.000000;-80.000000"),
         (":D:P 1,10.5;R 1,2;A 1,3;P? 1;R? 1;A? 1", "10.500000;2.000000;3.000000"),
         (":D:O 1,10,2.5,90;:dem:osc? 1", "10.000000;2.500000;90.000000"),
-        (":dem:svec 1,5,6,7;:dem:svec? 1", "5.000000;6.000000;7.000000"),
+        (":dem:svec 1,5,6;:dem:svec? 1", "5.000000;6.000000"),
+        (":dem:del? 1;:dem:del 1,12;:DEM:DEL? 1", "0.000000;12.000000"),
+        (
+            ":con:osc 1,Enable,2.0000,0.1000,Pos,Lin;:con:osc? 1",
+            "Enable;2.000000;0.100000;Position;Linear",
+        ),
         (":U:L ON", "OK"),
         (":interlock? 1;:I:O 1;:interlock? 1", "Open;Open"),
         ("*CLS;*ESR?", "0"),
@@ -44,8 +49,8 @@ def test_a_stranger_s_session_from_the_interlock_to_rest() -> None:
         bench.clock.sleep(1.0)
         assert float(line.says("read:acc? 1")) == pytest.approx(10.0, rel=1e-3)
         bench.clock.sleep(5.0)
-        position, rate, acceleration = map(float, line.says(":read:svec? 1").split(";"))
-        assert (rate, acceleration) == (pytest.approx(20.0), 0.0)
+        position, rate = map(float, line.says(":read:svec? 1").split(";"))
+        assert rate == pytest.approx(20.0)
         assert position == pytest.approx(float(line.says(":R:P? 1")), abs=0.2)
         assert int(line.says(":status:esr? A1Dyn,2")) & 1 << 9
         line.says(":dem:pos 1,0")
@@ -55,6 +60,12 @@ def test_a_stranger_s_session_from_the_interlock_to_rest() -> None:
         bench.clock.sleep(30.0)
         assert float(line.says(":R:P? 1")) == pytest.approx(90.0, abs=1e-3)
         line.says(":mode all,off")
+
+
+def test_a_state_vector_has_two_values() -> None:
+    with table_bench() as bench, RawTable(bench) as line:
+        assert line.framed(":dem:svec 1,5,6,7")[1] == "SYNTAX ERROR"
+        assert line.framed(":dem:svec 1,5")[1] == "MISSING PARAMETER"
 
 
 def test_errors_are_counted_asked_and_cleared() -> None:
