@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from sim_instruments.generic.waveform import CONFLICT, Wave, clipped
-from sim_instruments.wire.scpi import ScpiError, number, number_or, numeric
+from sim_instruments.wire.scpi import ScpiError, number, number_or
 from sim_instruments.world.serf_coils import VoltageHistory
 
 SOURCE_OHM = 50.0
@@ -83,8 +83,9 @@ class GeneratorChannel:
 
     def set_load(self, text: str) -> None:
         """Say what the output is terminated with; what is shown changes with it."""
+        loads_ohm = self._ratings.loads_ohm
         is_open = text.upper() in ("INF", "INFINITY")
-        load_ohm = OPEN if is_open else numeric(text, *self._ratings.loads_ohm, SOURCE_OHM)
+        load_ohm = OPEN if is_open else self.wave.number(text, *loads_ohm, SOURCE_OHM)
         if self.limited:
             raise ScpiError(CONFLICT)
         before = self.share

@@ -11,7 +11,7 @@ from sim_instruments.faults.lasting import LastingFault, LoadReset, NoTrigger
 from sim_instruments.generic.coil_channel import OPEN, GeneratorChannel
 from sim_instruments.generic.waveform import Ratings, Wave
 from sim_instruments.instrument import Setting
-from sim_instruments.wire.scpi import NO_ERROR, ScpiError, boolean, choice, numeric, word, words
+from sim_instruments.wire.scpi import NO_ERROR, ScpiError, boolean, choice, word, words
 from sim_instruments.wire.scpi_device import Pair, ScpiDevice, Value, kept, taken
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.serf_coils import VoltageHistory
@@ -101,7 +101,7 @@ class CoilGenerator(ScpiDevice):
             "VOLTage:UNIT": (word("VPP"), lambda: "VPP"),
             "FUNCtion:PULSe:WIDTh": taken(wave, "width_s", wave.set_width),
             "BURSt:MODE": kept(channel, "mode", mode),
-            "BURSt:NCYCles": kept(channel, "cycles", cycles),
+            "BURSt:NCYCles": kept(channel, "cycles", partial(cycles, wave)),
             "BURSt:STATe": taken(channel, "burst", lambda text: channel.set_burst(boolean(text))),
         }
 
@@ -162,7 +162,7 @@ POLARITIES = words("NORMal", "INVerted")
 SLOPES = word("POSitive", "NEGative")
 
 
-def cycles(text: str) -> float:
+def cycles(wave: Wave, text: str) -> float:
     """Return the number of cycles of a burst."""
     endless = text.upper() in ("INF", "INFINITY")
-    return OPEN if endless else float(round(numeric(text, 1, 1e8, 1)))
+    return OPEN if endless else float(round(wave.number(text, 1, 1e8, 1)))

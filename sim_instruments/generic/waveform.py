@@ -81,9 +81,13 @@ class Wave:
             if self.function == "PULS":
                 self.complain(CONFLICT, "pulse width changed due to period")
 
+    def number(self, text: str, lowest: float, highest: float, default: float) -> float:
+        """Return a number between two, or what MIN, MAX, DEF stand for; others are refused."""
+        return numeric(text, lowest, highest, default)
+
     def set_frequency(self, text: str, highest_Hz: float) -> None:
         """Set the period by the frequency."""
-        self.set_period(1.0 / numeric(text, 1e-6, highest_Hz, 1e3))
+        self.set_period(1.0 / self.number(text, 1e-6, highest_Hz, 1e3))
 
     def set_width(self, text: str) -> None:
         """Set the width of the pulse."""

@@ -2,11 +2,11 @@
 
 From the 33500 series guide and public client code: LF ends commands and replies, `+0,"No error"`
 ends an error queue of 20, a trigger from the connector that both channels share, `*TRG` for
-channels whose source is BUS. A value that is clipped is changed all the same, and the error says
-so. Levels, termination and limits: see `GeneratorChannel`. APPLy sets function, frequency,
-amplitude and offset and switches the output on; `APPL?` answers in quotes; sweep and burst exclude
-one another, the last that is switched on stays. What a sweep, a phase or the Sync connector does is
-not simulated. Its coils hang on drivers of high impedance. Numbers are written as
+channels whose source is BUS. A value beyond its limits is clipped, which changes it all the same,
+and the error says so. Levels, termination and limits: see `GeneratorChannel`. APPLy sets function,
+frequency, amplitude and offset and switches the output on; `APPL?` answers in quotes; sweep and
+burst exclude one another, the last that is switched on stays. What a sweep, a phase or the Sync
+connector does is not simulated. Its coils hang on drivers of high impedance. Numbers are written as
 `+1.0000000000000E+00`, an open end as 9.9E+37. Assumed: the error of an output whose protection has
 tripped, the byte order of blocks, and that modulation, coupling and sums, which are not here, are
 refused as unknown.
@@ -14,13 +14,14 @@ refused as unknown.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import ClassVar
 
 from sim_instruments.faults.lasting import LastingFault, LoadReset, NoTrigger, OutputTripped
 from sim_instruments.generic.coil_channel import GeneratorChannel
 from sim_instruments.generic.coil_generator import SLOPES, CoilGenerator, Held
-from sim_instruments.generic.waveform import Ratings
+from sim_instruments.generic.waveform import Ratings, Wave
 from sim_instruments.instrument import Setting
 from sim_instruments.keysight.generator_33522b_wave import (
     ARB_EXISTS,
@@ -28,8 +29,8 @@ from sim_instruments.keysight.generator_33522b_wave import (
     ArbitraryWave,
 )
 from sim_instruments.wire.requests import without_blocks
-from sim_instruments.wire.scpi import ScpiError, boolean, numeric, short_of, within, word
-from sim_instruments.wire.scpi_device import KeptSettings, KeptTable, Listed, kept, taken
+from sim_instruments.wire.scpi import ScpiError, boolean, short_of, word
+from sim_instruments.wire.scpi_device import KeptSettings, KeptTable, Listed, Pair, kept, taken
 
 FIRMWARE = "4.00-1.19-2.00-52-00"
 TRIPPED = -240
@@ -39,9 +40,6 @@ FUNCTIONS = ("SINusoid", "SQUare", "TRIangle", "RAMP", "PULSe", "PRBS", "NOISe",
 SPANS = {
     "PHASe": (-360.0, 360.0, 0.0),
     "FUNCtion:RAMP:SYMMetry": (0.0, 100.0, 100.0),
-    "FUNCtion:PULSe:TRANsition[:BOTH]": (8.4e-9, 1e-6, 10e-9),
-    "FUNCtion:PULSe:TRANsition:LEADing": (8.4e-9, 1e-6, 10e-9),
-    "FUNCtion:PULSe:TRANsition:TRAiling": (8.4e-9, 1e-6, 10e-9),
     "SWEep:TIME": (1e-3, 250e3, 1.0),
     "FREQuency:STARt": (1e-6, HIGHEST_HZ, 100.0),
     "FREQuency:STOP": (1e-6, HIGHEST_HZ, 1e3),
@@ -50,7 +48,6 @@ SPANS = {
 }
 """Least, largest and the value after `*RST` of numbers that do not change what a coil gets."""
 SOURCE_KEPT: KeptTable = {
-    **{header: (within(*span), span[2]) for header, span in SPANS.items()},
     "SWEep:SPACing": (word("LINear", "LOGarithmic"), "LIN"),
     "FUNCtion:PULSe:HOLD": (word("WIDTh", "DCYCle"), "WIDT"),
     "FUNCtion:ARBitrary:FILTer": (word("NORMal", "STEP", "OFF"), "STEP"),
@@ -101,20 +98,29 @@ class Keysight33522B(CoilGenerator):
     def _add_channel(self, number: int, channel: GeneratorChannel) -> None:
         wave = channel.wave
         assert isinstance(wave, ArbitraryWave)
-        source_kept, output_kept = KeptSettings(SOURCE_KEPT), KeptSettings(OUTPUT_KEPT)
+        source_kept = KeptSettings({**numbers_of(wave), **SOURCE_KEPT})
+        output_kept = KeptSettings(OUTPUT_KEPT)
         self._kept += [source_kept, output_kept]
+        between = partial(clips, wave)
+
+        def edges(*names: str) -> Pair:
+            return partial(_set_edges, wave, names), partial(getattr, wave, names[0])
+
         limits = {f"VOLTage:LIMit{header}": pair for header, pair in self._limits(channel).items()}
         source: Held = {
             **self._source(channel),
             **limits,
             **source_kept.commands(),
             "FUNCtion:PULSe:PERiod": taken(
-                wave, "period_s", lambda text: wave.set_period(numeric(text, *PERIODS_S, 1e-3))
+                wave, "period_s", lambda text: wave.set_period(wave.number(text, *PERIODS_S, 1e-3))
             ),
+            "FUNCtion:PULSe:TRANsition[:BOTH]": edges("leading_s", "trailing_s"),
+            "FUNCtion:PULSe:TRANsition:LEADing": edges("leading_s"),
+            "FUNCtion:PULSe:TRANsition:TRAiling": edges("trailing_s"),
             "FUNCtion:PULSe:DCYCle": taken(wave, "pulse_percent", wave.set_pulse_duty),
-            "FUNCtion:SQUare:DCYCle": kept(wave, "duty_percent", within(0.01, 99.99, 50.0)),
+            "FUNCtion:SQUare:DCYCle": taken(wave, "duty_percent", wave.set_square_duty),
             "FUNCtion:ARBitrary": (wave.choose, lambda: f'"{wave.arb}"'),
-            "FUNCtion:ARBitrary:SRATe": kept(wave, "rate_per_s", within(1e-6, 250e6, 40e3)),
+            "FUNCtion:ARBitrary:SRATe": kept(wave, "rate_per_s", between(1e-6, 250e6, 40e3)),
             "SWEep:STATe": (
                 partial(self._sweep, number, channel),
                 lambda: self._sweeps[number] and not channel.burst,
@@ -124,7 +130,7 @@ class Keysight33522B(CoilGenerator):
         trigger: Held = {
             "SOURce": kept(channel, "source", word("IMMediate", "EXTernal", "TIMer", "BUS")),
             "SLOPe": kept(channel, "slope", SLOPES),
-            "DELay": kept(channel, "delay_s", within(0.0, 1000.0, 0.0)),
+            "DELay": kept(channel, "delay_s", between(0.0, 1000.0, 0.0)),
         }
         output: Held = {**self._output(channel), **output_kept.commands()}
         if number == 1:
@@ -175,7 +181,7 @@ class Keysight33522B(CoilGenerator):
         default = ("DEF", "DEFAULT")
         channel.set_function(short_of(function))
         if frequency.upper() not in default:
-            frequency_Hz = numeric(frequency, 1e-6, HIGHEST_HZ, 1e3)
+            frequency_Hz = channel.wave.number(frequency, 1e-6, HIGHEST_HZ, 1e3)
             if function != "DC":
                 channel.wave.set_period(1.0 / frequency_Hz)
         if function != "DC" and amplitude.upper() not in default:
@@ -207,3 +213,17 @@ class Keysight33522B(CoilGenerator):
                 channel.on = False
                 channel.apply(time_s)
             self.errors.push(TRIPPED)
+
+
+def clips(wave: Wave, lowest: float, highest: float, default: float) -> Callable[[str], float]:
+    """Return what reads a number and clips it to what lies between two."""
+    return lambda text: wave.number(text, lowest, highest, default)
+
+
+def numbers_of(wave: Wave) -> KeptTable:
+    """Return the numbers of a channel that do not change what a coil gets."""
+    return {header: (clips(wave, *span), span[2]) for header, span in SPANS.items()}
+
+
+def _set_edges(wave: ArbitraryWave, names: tuple[str, ...], text: str) -> None:
+    wave.set_edges(*names, text=text)

@@ -1,20 +1,27 @@
 """What a channel of a Keysight 33522B plays besides: arbitrary waveforms, duty cycles.
 
 From the 33500 series guide: arbitrary waveforms of 8 points at least between -1 and 1 or as DAC
-counts. From public client code: a name that is in use is refused. Assumed: the numbers 785 and 786,
-and that clearing the memory brings the built-in waveform back.
+counts; a number beyond its limits is clipped, with an error; a pulse and each level of a square
+wave are at least 16 ns wide, and the edges of a pulse, 8.4 ns to 1 us, fit into it. From public
+client code: a name that is in use is refused. Assumed: the numbers 785 and 786, that clearing the
+memory brings the built-in waveform back, and that an edge takes at most 0.625 of the width, as on
+the older 33220A, and becomes shorter where it does not fit.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from sim_instruments.generic.waveform import OUT_OF_RANGE, Wave
-from sim_instruments.wire.scpi import ScpiError, number, numeric
+from sim_instruments.generic.waveform import CONFLICT, OUT_OF_RANGE, Wave, clipped
+from sim_instruments.wire.scpi import ScpiError, number, number_or
 from sim_instruments.world.piecewise import Array
 
 MIN_POINTS, MAX_POINTS = 8, 1_000_000
 LARGEST_COUNT = 32767
+PERCENT = (0.01, 99.99)
+SHORTEST_EDGE_S, EDGE_S, LONGEST_EDGE_S = 8.4e-9, 10e-9, 1e-6
+EDGE_PART = 0.625
+ROUNDING = 1.0 + 1e-9
 BUILT_IN = "EXP_RISE"
 NO_SUCH_ARB, ARB_EXISTS = 785, 786
 
@@ -26,6 +33,7 @@ class ArbitraryWave(Wave):
         """Go to a sine of 1 kHz."""
         super().reset()
         self.rate_per_s = 40e3
+        self.leading_s = self.trailing_s = EDGE_S
         self.clear()
 
     def clear(self) -> None:
@@ -56,9 +64,54 @@ class ArbitraryWave(Wave):
         """The width of the pulse as a part of the period, in %."""
         return 100.0 * self.width_s / self.period_s
 
+    def number(self, text: str, lowest: float, highest: float, default: float) -> float:
+        """Return a number, or what MIN, MAX, DEF stand for, clipped to what lies between two."""
+        forms = {"MIN": lowest, "MINIMUM": lowest, "MAX": highest, "MAXIMUM": highest}
+        value = number_or(text, {**forms, "DEF": default, "DEFAULT": default})
+        return clipped(self.complain, value, lowest, highest)
+
+    def set_period(self, period_s: float) -> None:
+        """Set the period; pulse, edges and duty cycle that do not fit give way."""
+        super().set_period(period_s)
+        self._fit_edges()
+        least = self._least_percent()
+        if self.duty_percent != min(max(self.duty_percent, least), 100.0 - least):
+            self.duty_percent = min(max(self.duty_percent, least), 100.0 - least)
+            if self.function == "SQU":
+                self.complain(CONFLICT, "duty cycle changed due to frequency")
+
+    def set_width(self, text: str) -> None:
+        """Set the width of the pulse; edges that do not fit become shorter."""
+        super().set_width(text)
+        self._fit_edges()
+
     def set_pulse_duty(self, text: str) -> None:
         """Set the width of the pulse as a part of the period, in %."""
-        self.set_width(str(numeric(text, 0.01, 99.99, 10.0) / 100.0 * self.period_s))
+        self.set_width(str(self.number(text, *PERCENT, 10.0) / 100.0 * self.period_s))
+
+    def set_square_duty(self, text: str) -> None:
+        """Set for how much of the period a square wave is high, in %."""
+        least = self._least_percent()
+        self.duty_percent = self.number(text, least, 100.0 - least, 50.0)
+
+    def set_edges(self, *names: str, text: str) -> None:
+        """Set how long edges of the pulse take; what does not fit into it is clipped."""
+        longest_s = max(min(LONGEST_EDGE_S, EDGE_PART * self.width_s), SHORTEST_EDGE_S)
+        edge_s = self.number(text, SHORTEST_EDGE_S, longest_s, EDGE_S)
+        for name in names:
+            setattr(self, name, edge_s)
+
+    def _fit_edges(self) -> None:
+        longest_s = max(EDGE_PART * self.width_s, SHORTEST_EDGE_S)
+        if max(self.leading_s, self.trailing_s) > ROUNDING * longest_s:
+            self.leading_s = min(self.leading_s, longest_s)
+            self.trailing_s = min(self.trailing_s, longest_s)
+            if self.function == "PULS":
+                self.complain(CONFLICT, "edge time changed due to pulse width")
+
+    def _least_percent(self) -> float:
+        """Return the least part of the period that a level of a square wave lasts, in %."""
+        return min(max(PERCENT[0], 100.0 * self.ratings.least_width_s / self.period_s), 50.0)
 
     def choose(self, text: str) -> None:
         """Choose an arbitrary waveform by its name."""

@@ -160,7 +160,7 @@ def test_a_value_that_does_not_fit_is_changed_and_told(
         ("*TRG", '-211,"Trigger ignored"'),
         ("DATA:ARB a,0,0,0", '-222,"Data out of range"'),
         ('FUNC:ARB "a"', '+785,"Specified arb waveform does not exist"'),
-        ("OUTP:LOAD 0.5", '-222,"Data out of range"'),
+        ("OUTP:LOAD 0.5", '-222,"Data out of range;value clipped to lower limit"'),
     ],
 )
 def test_what_does_not_go_together_is_told(line: Line, message: str, error: str) -> None:

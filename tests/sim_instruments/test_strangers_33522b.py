@@ -87,6 +87,45 @@ def test_what_is_set_is_answered(header: str, value: str) -> None:
         assert float(line.ask(f"{header}?")) != pytest.approx(float(value))
 
 
+@pytest.mark.parametrize(
+    ("message", "query", "kept", "end"),
+    [
+        ("FUNC:SQU:DCYC 100", "FUNC:SQU:DCYC?", 99.99, "upper"),
+        ("FREQ 10e6;:FUNC:SQU:DCYC 1", "FUNC:SQU:DCYC?", 16.0, "lower"),
+        ("FREQ 40e6", "FREQ?", 30e6, "upper"),
+        ("FREQ 0", "FREQ?", 1e-6, "lower"),
+        ("FUNC:PULS:WIDT 2e-3", "FUNC:PULS:WIDT?", 1e-3 - 16e-9, "upper"),
+        ("FUNC:PULS:WIDT 1e-9", "FUNC:PULS:WIDT?", 16e-9, "lower"),
+        ("FUNC:PULS:PER 2e6", "FUNC:PULS:PER?", 1e6, "upper"),
+        ("FUNC:PULS:TRAN 2e-6", "FUNC:PULS:TRAN?", 1e-6, "upper"),
+        ("FUNC:PULS:TRAN:LEAD 1e-9", "FUNC:PULS:TRAN:LEAD?", 8.4e-9, "lower"),
+        ("FUNC:PULS:WIDT 40e-9;:FUNC:PULS:TRAN 30e-9", "FUNC:PULS:TRAN?", 25e-9, "upper"),
+        ("PHAS 400", "PHAS?", 360.0, "upper"),
+        ("BURS:NCYC 0", "BURS:NCYC?", 1.0, "lower"),
+        ("TRIG1:DEL 2000", "TRIG1:DEL?", 1000.0, "upper"),
+        ("OUTP:LOAD 20e3", "OUTP:LOAD?", 10e3, "upper"),
+    ],
+)
+def test_a_number_beyond_its_limits_is_clipped_and_changed(
+    message: str, query: str, kept: float, end: str
+) -> None:
+    with standing() as here, here.line() as line:
+        line.write(message)
+        assert line.ask("SYST:ERR?") == f'-222,"Data out of range;value clipped to {end} limit"'
+        assert line.ask("SYST:ERR?").startswith("+0")
+        assert float(line.ask(query)) == pytest.approx(kept)
+
+
+def test_edges_and_duty_cycle_give_way_to_a_pulse_and_a_period() -> None:
+    with standing() as here, here.line() as line:
+        line.write("FUNC PULS;:FUNC:PULS:TRAN 1e-7;:FUNC:PULS:WIDT 4e-8")
+        assert line.ask("SYST:ERR?").startswith("-221")
+        assert float(line.ask("FUNC:PULS:TRAN:TRA?")) == pytest.approx(2.5e-8)
+        line.write("*RST;:FUNC SQU;:FUNC:SQU:DCYC 5;:FREQ 20e6")
+        assert line.ask("SYST:ERR?").startswith("-221")
+        assert float(line.ask("FUNC:SQU:DCYC?")) == pytest.approx(32.0)
+
+
 def test_words_of_sync_and_sweep_are_answered() -> None:
     with standing() as here, here.line() as line:
         line.write("OUTP:SYNC OFF;:OUTP:SYNC:SOUR CH2;:OUTP2:SYNC:MODE CARR;:OUTP:SYNC:POL INV")
