@@ -17,7 +17,7 @@ from station.errors import InstrumentError, reason_of
 from station.roles import Place
 from station.roles.can_addresses import SCHEME, can_address
 
-GREETING, OPENED = b"< hi >", b"< ok >"
+GREETING, OPENED, FRAME = b"< hi >", b"< ok >", b"< frame "
 MAX_MESSAGE = 256
 """A frame of eight bytes takes less than 60 characters."""
 
@@ -31,9 +31,10 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
 
     From the daemon's protocol: it greets with `< hi >`, answers `< open BUS >` and `< rawmode >`
     with `< ok >`, then sends `< frame ID TIME DATA >` for every frame on the bus and takes
-    `< send ID LENGTH DATA >`. Bytes come as TCP cuts them: a frame may lie in one segment with the
-    last `< ok >`, and any message may come in pieces. The bus of that name in python-can refuses
-    to open there, and takes a daemon that hangs up for a bus without traffic.
+    `< send ID LENGTH DATA >`. Bytes come as TCP cuts them: a frame may come before the last
+    `< ok >` or lie in one segment with it, and any message may come in pieces. The bus of that
+    name in python-can refuses to open there, and takes a daemon that hangs up for a bus without
+    traffic.
 
     `passed_over` is called with bytes that are no message.
     """
@@ -89,14 +90,20 @@ class Socketcand(can.BusABC):  # type: ignore[misc]  # python-can is not typed h
         self._port.close()
 
     def _expect(self, wanted: bytes, otherwise: str) -> None:
-        """Wait for a message of the opening; what comes behind it is kept."""
+        """Wait for a message of the opening; frames before it, and what comes behind, are kept."""
         until_s = boot_seconds() + CONNECT_DEADLINE_S
-        while b">" not in self._pending and len(self._pending) <= MAX_MESSAGE:
-            left_s = until_s - boot_seconds()
-            if left_s <= 0.0:
-                raise TimeoutError(f"{otherwise}: {self._pending[:40]!r} came back")
-            self._pending += self._port.read(left_s)
-        text, _, behind = self._pending.partition(b">")
+        while True:
+            while b">" not in self._pending and len(self._pending) <= MAX_MESSAGE:
+                left_s = until_s - boot_seconds()
+                if left_s <= 0.0:
+                    raise TimeoutError(f"{otherwise}: {self._pending[:40]!r} came back")
+                self._pending += self._port.read(left_s)
+            text, _, behind = self._pending.partition(b">")
+            if not text.lstrip().startswith(FRAME):
+                break
+            self._pending = behind
+            if (message := self._message(text)) is not None:
+                self._messages.append(message)
         if (text + b">").strip() != wanted:
             raise ConnectionError(f"{otherwise}: {self._pending[:40]!r} came back")
         self._pending = behind

@@ -7,7 +7,7 @@ import socket
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from threading import Thread
+from threading import Event, Thread
 from typing import Any, Self
 
 import cantools
@@ -249,14 +249,15 @@ class Line(Client):
 class Frames(Client):
     """A raw socketcand client; its reader thread keeps every frame as (id, time, data)."""
 
-    def __init__(self, simulation: SimulatedBench, clock: Clock) -> None:
+    def __init__(self, simulation: SimulatedBench, clock: Clock, mode: str = "< rawmode >") -> None:
         entry = simulation.instruments["gyro_acquisition"]
         super().__init__(entry, clock)
         assert self._socket.recv(256) == b"< hi >"
-        for command in (f"< open {entry['channel']} >", "< rawmode >"):
+        for command in (f"< open {entry['channel']} >", mode):
             self._socket.sendall(command.encode("ascii"))
             assert self._socket.recv(256) == b"< ok >"
         self.received: list[tuple[int, float, bytes]] = []
+        self._echoed = Event()
         self._thread = Thread(target=self._read, daemon=True)
         self._thread.start()
 
@@ -280,6 +281,12 @@ class Frames(Client):
         self._wire.sent(1)
         self._socket.sendall(text.encode("ascii"))
 
+    def says(self, text: str) -> None:
+        """Send what has no answer, and wait until it is done."""
+        self._echoed.clear()
+        self._socket.sendall(f"{text}< echo >".encode("ascii"))
+        assert self._echoed.wait(5.0)
+
     def of(self, identifier: int) -> list[bytes]:
         """Return the data of all frames with this identifier so far."""
         return [data for number, _, data in self.received if number == identifier]
@@ -289,11 +296,16 @@ class Frames(Client):
         with suppress(OSError):
             while chunk := self._socket.recv(65536):
                 *frames, pending = (pending + chunk.decode("ascii")).split(">")
-                for frame in frames:
-                    _, kind, number, time_s, data = frame.split()
+                came = [frame.split() for frame in frames]
+                for _, kind, *rest in came:
+                    if kind == "echo":
+                        self._echoed.set()
+                        continue
                     assert kind == "frame"
-                    self.received.append((int(number, 16), float(time_s), bytes.fromhex(data)))
-                self._wire.picked_up(len(frames))
+                    number, time_s, *data = rest
+                    row = int(number, 16), float(time_s), bytes.fromhex("".join(data))
+                    self.received.append(row)
+                self._wire.picked_up(sum(kind == "frame" for _, kind, *_ in came))
 
     def close(self) -> None:
         """Leave."""

@@ -94,6 +94,12 @@ def test_whatever_is_said_may_be_cut_in_any_place(cut: int) -> None:
         assert heard_at(there) == (SAID, [])
 
 
+@pytest.mark.parametrize("opening", [b"< ok >" + FRAMES, FRAMES + b"< ok >"])
+def test_frames_before_the_last_word_of_the_opening_are_the_first_ones(opening: bytes) -> None:
+    with daemon(FRAMES[:20], FRAMES[20:] + b"< ok >" + FRAMES, openings=(opening,)) as there:
+        assert heard_at(there) == (SAID * 3, [])
+
+
 def test_bytes_come_one_by_one() -> None:
     said = b"< ok >" + FRAMES
     with daemon(*(said[k : k + 1] for k in range(len(said)))) as there:
