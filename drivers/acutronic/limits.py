@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers.acutronic.axis import AclSettings
-from drivers.acutronic.line import AclLine, agrees_within
+from drivers.acutronic.line import AclLine, AclSettings, agrees_within
 from drivers.transport.exchanges import AnswerInDoubt, LineBroken
 from drivers.transport.text_line import check_written
 from station.errors import InstrumentError, InstrumentTimeout

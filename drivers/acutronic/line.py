@@ -7,10 +7,12 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
-from drivers.acutronic.axis import AxisState
+from pydantic import Field
+
 from drivers.acutronic.prefix import PrefixedLine
+from drivers.generic.table_axis import AxesSettings
 from drivers.transport.exchanges import NEVER, Repeatable, shortened
 from drivers.transport.ports import SerialSettings
 from drivers.transport.text_line import SerialLine, TextLine
@@ -34,6 +36,14 @@ INTERLOCK = (
     "make sure that nobody is in danger, close what is open (emergency stop, door, end switch), "
     "then home the axis again"
 )
+
+
+class AclSettings(AxesSettings):
+    """What the bench file says of a table and its controller."""
+
+    framing: Literal["framed", "line"] = Field(
+        "framed", description="whether answers begin with error code and length, or are plain lines"
+    )
 
 
 class Answer(NamedTuple):
@@ -312,27 +322,4 @@ def fault_of(name: str, line: AclLine, axis: int, status: Status) -> InstrumentE
     opened = f"the interlock was opened{f' by {source}' if source else ''}, and the servo is open"
     return InstrumentError(
         name, attempted, f"{opened} ({registers}, status byte {byte})", INTERLOCK
-    )
-
-
-def astray(name: str, state: AxisState, attempted: str, where_deg: float) -> InstrumentError:
-    """Return that an axis stands elsewhere than where it was sent; it must be homed again."""
-    state.homed = False
-    return InstrumentError(
-        name,
-        attempted,
-        f"the encoder of axis {state.number} reads {state.count.angle_deg:.5f} deg where "
-        f"{where_deg:.5f} deg was commanded, more than settings.in_position apart",
-        "look for a blocked axis or a loose encoder cable, then home it again",
-    )
-
-
-def wrong_rate(name: str, state: AxisState) -> InstrumentError:
-    """Return that an axis turns at another rate than the commanded one; it must be homed again."""
-    state.homed = False
-    return InstrumentError(
-        name,
-        f"turn axis {state.number} at {state.rate_demand:g} deg/s",
-        f"it turns at {state.rate:.4f} deg/s",
-        "look whether something blocks it, then home it again",
     )

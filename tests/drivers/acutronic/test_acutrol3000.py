@@ -11,7 +11,7 @@ from fixture import error_of
 from table_bench import AXIS, LIMITED, LIMITS, TABLE, RawTable, table_bench
 
 from drivers.acutronic.acutrol3000 import Acutrol3000
-from drivers.acutronic.axis import TurnCount
+from drivers.generic.table_axis import TurnCount
 from sim_instruments.acutronic.acutrol3000 import Acutrol3000 as Simulator
 from sim_instruments.acutronic.table import too_far_from_s, too_fast_from_s
 from sim_instruments.world.rotation import RotationHistory

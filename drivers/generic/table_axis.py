@@ -1,4 +1,4 @@
-"""What the driver of an ACUTROL3000 knows of one axis, and what the bench file says of all."""
+"""What a turntable's driver knows of one axis, and what the bench file says of all."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class TurnCount:
         self.lost = ""
         self._begin_s = self._seen_s = 0.0
         self._from_rate = self._to_rate = 0.0
-        self._acceleration = 1.0
+        self._acceleration, self._brakes_s = 1.0, math.inf
         self._aim_deg: float | None = None
         self._aims_with = 0.0
         self._carried_deg = self._slack_deg = self._fastest = 0.0
@@ -59,13 +59,21 @@ class TurnCount:
         self._carry(time_s)
         now_rate = self.planned_rate(time_s) if from_rate is None else from_rate
         self._begin_s, self._from_rate, self._to_rate = time_s, now_rate, rate
+        self._acceleration, self._aim_deg, self._brakes_s = acceleration, None, math.inf
+
+    def goes_by(self, time_s: float, by_deg: float, fastest: float, acceleration: float) -> None:
+        """Go by an angle from rest: to a rate as fast as may be, and in time to rest again."""
+        self._carry(time_s)
+        top = math.copysign(min(fastest, math.sqrt(acceleration * abs(by_deg))), by_deg)
+        self._begin_s, self._from_rate, self._to_rate = time_s, 0.0, top
         self._acceleration, self._aim_deg = acceleration, None
+        self._brakes_s = time_s + (by_deg / top if top else 0.0)
 
     def aims_at(self, time_s: float, angle_deg: float, fastest: float) -> None:
         """Go towards an angle from now on, less than half a turn away, no faster than a rate."""
         self._carry(time_s)
         self._begin_s, self._from_rate, self._to_rate = time_s, 0.0, 0.0
-        self._aim_deg, self._aims_with = angle_deg, fastest
+        self._aim_deg, self._aims_with, self._brakes_s = angle_deg, fastest, math.inf
 
     def take(self, reading_deg: float, time_s: float) -> float:
         """Return the angle for a reading of the encoder, and remember it."""
@@ -86,6 +94,10 @@ class TurnCount:
 
     def planned_rate(self, time_s: float) -> float:
         """Return the rate of the plan, in deg/s."""
+        if time_s > self._brakes_s:
+            rate = self.planned_rate(self._brakes_s)
+            lost = min(self._acceleration * (time_s - self._brakes_s), abs(rate))
+            return rate - math.copysign(lost, rate)
         change = self._to_rate - self._from_rate
         ramp = min(self._acceleration * max(time_s - self._begin_s, 0.0), abs(change))
         return self._from_rate + math.copysign(ramp, change)
@@ -97,7 +109,9 @@ class TurnCount:
             return
         if self._aim_deg is None:
             goes_deg = self._travelled(time_s) - self._travelled(self._seen_s)
-            rates = self.planned_rate(self._seen_s), self.planned_rate(time_s)
+            rates = [self.planned_rate(self._seen_s), self.planned_rate(time_s)]
+            if self._seen_s <= self._brakes_s < math.inf:
+                rates.append(self._to_rate)
             self._fastest = max(self._fastest, *map(abs, rates))
             slack_deg = RATE_AGREES * abs(goes_deg)
         else:
@@ -110,6 +124,10 @@ class TurnCount:
 
     def _travelled(self, time_s: float) -> float:
         """Return how far the plan goes from its begin, deg."""
+        if time_s > self._brakes_s:
+            rates = self.planned_rate(self._brakes_s), self.planned_rate(time_s)
+            braked_s = abs(rates[0] - rates[1]) / self._acceleration
+            return self._travelled(self._brakes_s) + 0.5 * sum(rates) * braked_s
         since_s = max(time_s - self._begin_s, 0.0)
         change = self._to_rate - self._from_rate
         ramp_s = min(since_s, abs(change) / self._acceleration)
@@ -170,12 +188,9 @@ class AxisState:
         self.doing, self.target_deg, self.mode = Doing.NOTHING, None, ""
 
 
-class AclSettings(SerialSettings):
-    """What the bench file says of a table and its controller."""
+class AxesSettings(SerialSettings):
+    """What the bench file says of a table's axes, and of its controller's line."""
 
-    framing: Literal["framed", "line"] = Field(
-        "framed", description="whether answers begin with error code and length, or are plain lines"
-    )
     axes: int = Field(MAX_AXES, ge=1, le=MAX_AXES, description="how many axes it has")
     continuous: tuple[Annotated[int, Field(ge=1, le=MAX_AXES)], ...] | None = Field(
         None, description="the axes that turn for ever, all unless given"
