@@ -32,11 +32,18 @@ from drivers.transport.ports import SerialSettings
 from drivers.transport.text_line import SerialLine, odd
 from station.errors import InstrumentError
 from station.fields import Second
-from station.roles import Driver, Identity, LightSettings, Place, SafetyReading, quantity
+from station.roles import (
+    UNTOLD,
+    Driver,
+    Identity,
+    LightSettings,
+    Place,
+    SafetyReading,
+    quantity,
+)
 from station.roles.patience import PATIENT
 
 MODEL = re.compile(r"THORLABS\s+(SC10)\s+VERSION\s+(\S+)", re.IGNORECASE)
-UNTOLD = "untold"
 MANUAL, EXTERNAL = 1, 5
 TOGGLE_TRIES = 3
 LOOK_S = 0.01

@@ -280,7 +280,7 @@ class ExchangeLine(TracedLine, ABC):
         """Raise AnswerInDoubt where there is more on the line than the answer."""
         behind = b""
         with suppress(OSError):  # a connection that ends here is seen by whoever comes next
-            behind = port.read(0.0)
+            behind = self._meant(port.read(0.0))
         if behind:
             self._doubt(behind, message)
             raise self._doubtful(f"sent {shortened(message)!r}", "more came behind its answer")
@@ -366,7 +366,11 @@ class ExchangeLine(TracedLine, ABC):
                 raise self._flooded("looked for what had come unasked")
         if taken:
             self._wire.received()
-        return taken
+        return self._meant(taken)
+
+    def _meant(self, came: bytes) -> bytes:
+        """Return what came unasked if it could be taken for an answer; here whatever it is."""
+        return came
 
     def _forget_connection(self) -> None:
         self._last = None

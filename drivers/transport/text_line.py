@@ -127,9 +127,13 @@ class TextLine(ExchangeLine):
             if self._identity is not None:
                 break
             who = self._who()
-            if any(map(str.isalpha, who)) and who == self._who():
+            if self._names(who) and who == self._who():
                 self._identity = who
         return self._identity is not None and self._who() == self._identity
+
+    def _names(self, answer: str) -> bool:
+        """Whether an answer may be that of the identity: no reading looks like it."""
+        return any(map(str.isalpha, answer))
 
     def _greet(self, port: Port) -> None:
         if self._ignores_empty:
@@ -146,7 +150,7 @@ class TextLine(ExchangeLine):
 
     def _answer(self, message: str, now: bool) -> str:
         answer = self._exchange(message, lambda port: self._once(port, message), now=now)
-        if message == self._identity_question and any(map(str.isalpha, answer)):
+        if message == self._identity_question and self._names(answer):
             self._identity = answer
         return answer
 

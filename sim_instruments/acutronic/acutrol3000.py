@@ -40,8 +40,9 @@ from sim_instruments.acutronic.language import (
     whole,
 )
 from sim_instruments.acutronic.limits import Limits
-from sim_instruments.acutronic.table import Encoder, TableData
+from sim_instruments.acutronic.table import TableData
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
+from sim_instruments.generic.table_axis import Encoder
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import LineInstrument
@@ -71,7 +72,8 @@ class Acutrol3000(LineInstrument):
 
     Truth (`simulator` mapping): what `Answers` of `sim_instruments.acutronic.answers`, `Limits` of
     `limits` and `TableData` of `table` there take; `mode_home`; and `axis_1` to `axis_3`, as many
-    as there are, each as `Encoder` there.
+    as there are, each as `Encoder` of
+    `sim_instruments.generic.table_axis`.
     """
 
     model = "Acutronic ACUTROL3000"

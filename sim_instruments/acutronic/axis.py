@@ -27,13 +27,10 @@ from sim_instruments.acutronic.language import (
 from sim_instruments.acutronic.table import (
     TRIP_ABOVE,
     Demands,
-    Encoder,
     ModeLimits,
     TableData,
-    pieces,
-    too_far_from_s,
-    too_fast_from_s,
 )
+from sim_instruments.generic.table_axis import Encoder, pieces, too_far_from_s, too_fast_from_s
 from sim_instruments.world.rotation import RotationHistory
 
 MODES = ("OFF", "POSITION", "RATE", "ARATE", "SYNTHESIS", "TRACK", "ABORT")

@@ -16,6 +16,7 @@ from typing import Protocol
 from station.errors import InstrumentError, InstrumentInUse
 from station.files.locks import FileLock, LockHeld, remove_if_free
 from station.instruments.addresses import forms_of
+from station.roles.base import UNTOLD
 
 PREFIX = "inertial-station"
 PLACES = ("/run/lock", "/tmp", "/var/tmp")
@@ -81,7 +82,7 @@ class InstrumentLocks:
         Raises InstrumentError where another process has it. One without a serial number cannot be
         distinguished from others like it.
         """
-        if identity.serial.strip(NO_SERIAL):
+        if identity.serial != UNTOLD and identity.serial.strip(NO_SERIAL):
             who = " ".join(f"{identity.maker} {identity.model} {identity.serial}".split())
             self._take(name, f"take {who}", self._here(f"identity {who.lower()}"))
 

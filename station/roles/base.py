@@ -139,6 +139,10 @@ class Place(Protocol):
         ...
 
 
+UNTOLD = "untold"
+"""In the place of a serial number that an instrument has and does not tell over its line."""
+
+
 @dataclass(frozen=True)
 class Identity:
     """Who answered: maker, model, serial number and firmware, as the instrument says them."""

@@ -156,6 +156,12 @@ KVH = "ICB DSP Rev B Version: 104; ICB FPGA Rev: 2A; GCB DSP Rev C Version: 31; 
 KEYSIGHT, OURS = "Keysight Technologies", "house-made"
 ACUTROL = ("Acutronic R&D USA", "Acutrol3000")
 OTHER = "sim-alternate"
+ENCODER = {
+    "encoder_offset": "2 arcsec",
+    "encoder_sine": "0.7 arcsec",
+    "encoder_phase": "70 deg",
+    "angle_at_start": "30 deg",
+}
 
 CASES: dict[str, Case] = {
     "kepco-bop-36-12": Case(
@@ -271,9 +277,33 @@ CASES: dict[str, Case] = {
         # An answer of known length has no terminator to be wrong or to wait for.
         bears={"wrong-terminator": True, "flood": True, "stray line before": False},
     ),
+    # The controller's plain lines, as on IEEE-488.
     "acutrol-3000 in lines": Case(
         Identity(*ACUTROL, "A3-0118", "A8800-001-01.000-a"),
         ":Read:Position?",
+        lambda _, table: table.angle_deg(1),
+        lambda fixture, table: stands_at_30_deg(fixture, table, 1),
+        name="turntable",
+        entry={
+            "serial": "A3-0118",
+            "settings": {"framing": "line", "zero": "absolute"},
+            "simulator": {
+                "framing": "line",
+                "maximum_rate": "200 deg/s",
+                "maximum_acceleration": "100 deg/s^2",
+                "rate_error": "-20 ppm",
+                "rate_noise": "0.0005 deg/s",
+                "encoder_noise": "0.1 arcsec",
+                "resolution": "0.00001 deg",
+                "tracking_delay": "8 ms",
+                "settling": "0.5 s",
+                **{f"axis_{n}": ENCODER for n in (1, 2, 3)},
+            },
+        },
+    ),
+    "ideal-aerosmith": Case(
+        Identity("Ideal Aerosmith", "rate table", "untold", "untold"),
+        "1PPO",
         lambda _, table: table.angle_deg(1),
         lambda fixture, table: stands_at_30_deg(fixture, table, 1),
         OTHER,

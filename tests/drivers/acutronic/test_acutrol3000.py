@@ -13,7 +13,7 @@ from table_bench import AXIS, LIMITED, LIMITS, TABLE, RawTable, table_bench
 from drivers.acutronic.acutrol3000 import Acutrol3000
 from drivers.generic.table_axis import TurnCount
 from sim_instruments.acutronic.acutrol3000 import Acutrol3000 as Simulator
-from sim_instruments.acutronic.table import too_far_from_s, too_fast_from_s
+from sim_instruments.generic.table_axis import too_far_from_s, too_fast_from_s
 from sim_instruments.world.rotation import RotationHistory
 from sim_instruments.world.table import Table
 from station.errors import InputError, InstrumentError

@@ -1,0 +1,232 @@
+"""One axis of an Ideal Aerosmith table: motor, profile, encoder, and what stops it.
+
+The servo makes the encoder follow the profile, a constant time late, so that what the encoder
+reads wrongly becomes an error of the true angle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from sim_instruments.generic.table_axis import Encoder, too_far_from_s
+from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.rotation import RotationHistory
+
+HOMES = ("done", "never", "refused")
+MOTOR_ON_IN_S = 0.3
+HOME_RATE = 20.0
+STOP_BRAKE = 3.0
+"""A motor that trips brakes so many times harder than the axis ever accelerates."""
+
+FALLS_BEHIND_AFTER_S = 0.7
+
+
+class Refused(Exception):
+    """A command that the controller does not take."""
+
+
+class TableData:
+    """What the axes of a table have in common; truth of the bench file.
+
+    `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
+    a reading; `encoder_noise` (rms) and `resolution`; `tracking_delay`, how late an axis follows
+    its profile; `home`, what HOM does: `done`, `never` ends, or is `refused`.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self.largest_rate = truth.positive("maximum_rate", "deg/s")
+        self.largest_acceleration = truth.positive("maximum_acceleration", "deg/s^2")
+        self.rate_error = truth.quantity("rate_error", "1")
+        self.rate_noise = truth.quantity("rate_noise", "deg/s")
+        self.encoder_noise_deg = truth.quantity("encoder_noise", "deg")
+        self.resolution_deg = truth.positive("resolution", "deg")
+        self.delay_s = truth.quantity("tracking_delay", "s")
+        self.home = truth.word("home", HOMES, HOMES[0])
+        if self.delay_s < 0:
+            raise SimulationError(f"{truth.where}: times must not be negative")
+
+
+class Axis:
+    """One axis whose true angle is a `RotationHistory` of the simulated world."""
+
+    def __init__(
+        self,
+        table: TableData,
+        encoder: Encoder,
+        rotation: RotationHistory | None,
+        rng: np.random.Generator,
+        now: Callable[[], float],
+    ) -> None:
+        self._table, self.encoder, self._rng, self._now = table, encoder, rng, now
+        self.rotation = rotation if rotation is not None else RotationHistory(encoder.start_deg)
+        if not encoder.referenced:
+            encoder.lost_deg = encoder.reads(self._true_deg())
+        self._plan = RotationHistory(encoder.reads(self._true_deg()))
+        self.velocity = table.largest_rate / 2
+        self.acceleration = table.largest_acceleration / 2
+        self.pressed = self.falls_behind = self.stuck = False
+        self._motor_s = math.inf
+        self._planned_s = -math.inf
+        self._trips_s = math.inf
+        self._zero_s: float | None = None
+
+    def catch_up(self) -> None:
+        """Let happen what has become due: a trip, the end of a search for the encoder's zero."""
+        now_s = self._now()
+        if now_s >= self._trips_s:
+            self.switch_off()
+        if self._zero_s is not None and now_s >= self._zero_s:
+            self._zero_s, self.encoder.lost_deg = None, 0.0
+            self._plan.put(now_s, self.encoder.reads(self._true_deg()))
+
+    @property
+    def motor_on(self) -> bool:
+        """Whether the motor holds the axis."""
+        return self._now() >= self._motor_s
+
+    @property
+    def complete(self) -> bool:
+        """Whether the profile is over and the axis stands."""
+        over_s = max(self._planned_s, self._plan.at_rest_from_s) + self._table.delay_s
+        return self._zero_s is None and self._now() >= over_s
+
+    def position_deg(self) -> float:
+        """Return a reading of the encoder, turns counted."""
+        noise_deg = self._table.encoder_noise_deg * float(self._rng.standard_normal())
+        step_deg = self._table.resolution_deg
+        return round((self.encoder.reads(self._true_deg()) + noise_deg) / step_deg) * step_deg
+
+    def rate_deg_per_s(self) -> float:
+        """Return the rate as the controller measures it, by its own clock."""
+        _, true = self.rotation.now_at(self._now())
+        noise = self._table.rate_noise * float(self._rng.standard_normal())
+        return true / (1 + self._table.rate_error) + noise
+
+    def turns(self) -> bool:
+        """Return whether the axis truly turns, or will without another command."""
+        return self._now() < self.rotation.at_rest_from_s
+
+    def switch_on(self) -> None:
+        """Switch the motor on, which takes a moment; the axis then holds where it is."""
+        if self.pressed:
+            raise Refused
+        if math.isinf(self._motor_s):
+            self._motor_s = self._now() + MOTOR_ON_IN_S
+
+    def switch_off(self) -> None:
+        """Brake hard and switch the motor off."""
+        brake = STOP_BRAKE * self._table.largest_acceleration
+        now_s = self._now()
+        self._trips_s, self._motor_s, self._zero_s = math.inf, math.inf, None
+        self._plan.stop(now_s, brake)
+        self.rotation.stop(now_s, brake)
+
+    def emergency(self, pressed: bool) -> None:
+        """Have the emergency stop pressed, or let go; the motor stays off."""
+        self.pressed = pressed
+        if pressed:
+            self.switch_off()
+
+    def fall_behind(self) -> None:
+        """Fall behind the profile, from now on or in the movement that comes next."""
+        self.falls_behind = True
+        if self.motor_on and self._now() < self._plan.at_rest_from_s:
+            self.switch_off()
+
+    def stick(self, stuck: bool) -> None:
+        """Be blocked where it stands, or be free again and stay there."""
+        self.stuck, now_s = stuck, self._now()
+        if stuck:
+            self.rotation.halt(now_s)
+        else:
+            self._plan.put(now_s, self.encoder.reads(self._true_deg()))
+
+    def turn_at(self, rate: float) -> None:
+        """Turn at a rate until told otherwise."""
+        self._ready()
+        if abs(rate) > self._table.largest_rate:
+            raise Refused
+        self._turn(rate)
+
+    def stop(self) -> None:
+        """Come to rest with the acceleration that is set; a motor that is off has nothing to do."""
+        self._zero_s = None
+        if self.motor_on:
+            self._turn(0.0)
+
+    def move_by(self, by_deg: float) -> None:
+        """Go by an angle from where the profile stands."""
+        self._ready()
+        self._go(self._plan_deg() + by_deg, self.velocity)
+
+    def move_to(self, reading_deg: float, nearest: bool) -> None:
+        """Go to where the encoder reads an angle, or reads it within a turn."""
+        self._ready()
+        here_deg = self._plan_deg()
+        if nearest and self.encoder.continuous:
+            reading_deg = here_deg + math.remainder(reading_deg - here_deg, 360.0)
+        self._go(reading_deg, self.velocity)
+
+    def count_from(self, reading_deg: float) -> None:
+        """Have the encoder read an angle where it stands."""
+        self.encoder.lost_deg += self.encoder.reads(self._true_deg()) - reading_deg
+        self._plan.put(self._now(), reading_deg)
+
+    def search_zero(self) -> None:
+        """Turn to the encoder's zero, and have it read zero there."""
+        self._ready()
+        if self._table.home == "refused":
+            raise Refused
+        if self._table.home == "never":
+            self._turn(min(HOME_RATE, self._table.largest_rate))
+            return
+        zero_deg = -self.encoder.lost_deg
+        if self.encoder.continuous:
+            here_deg = self._plan_deg()
+            zero_deg = here_deg + math.remainder(zero_deg - here_deg, 360.0)
+        self._go(zero_deg, min(HOME_RATE, self.velocity))
+        if not self.stuck:
+            self._zero_s = self._planned_s + self._table.delay_s
+
+    def _ready(self) -> None:
+        if not self.motor_on:
+            raise Refused
+        self._zero_s = None
+
+    def _turn(self, rate: float) -> None:
+        now_s, true = self._now(), rate * (1 + self._table.rate_error)
+        self._planned_s = self._plan.turn_at(now_s, true, self.acceleration)
+        if not self.stuck:
+            self.rotation.turn_at(now_s + self._table.delay_s, true, self.acceleration)
+        self._look_ahead(bool(rate))
+
+    def _go(self, reading_deg: float, rate: float) -> None:
+        if not self.encoder.low_deg <= reading_deg <= self.encoder.high_deg:
+            raise Refused
+        now_s, moves = self._now(), abs(reading_deg - self._plan_deg()) > 1e-6
+        self._planned_s = self._plan.move_to(now_s, reading_deg, rate, self.acceleration)
+        if not self.stuck:
+            true_deg = self.encoder.true_at(reading_deg)
+            begin_s = now_s + self._table.delay_s
+            self.rotation.move_to(begin_s, true_deg, rate, self.acceleration)
+        self._look_ahead(moves)
+
+    def _look_ahead(self, moves: bool) -> None:
+        """Find what will end this movement: an end stop's switch, or a fault."""
+        now_s = self._now()
+        ends_s = too_far_from_s(self._plan, now_s, self.encoder.low_deg, self.encoder.high_deg)
+        falls_s = now_s + FALLS_BEHIND_AFTER_S if self.falls_behind and moves else math.inf
+        self._trips_s = min(ends_s, falls_s)
+        if math.isfinite(self._trips_s):
+            brake = STOP_BRAKE * self._table.largest_acceleration
+            self._plan.stop(self._trips_s, brake)
+            self.rotation.stop(self._trips_s, brake)
+
+    def _plan_deg(self) -> float:
+        return self._plan.now_at(self._now())[0]
+
+    def _true_deg(self) -> float:
+        return self.rotation.now_at(self._now())[0]
