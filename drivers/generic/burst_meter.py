@@ -59,6 +59,8 @@ class BurstMeter(ScpiDriver):
     function: ClassVar[Function]
     integration_cycles: ClassVar[tuple[float, ...]]
     most_readings: ClassVar[int] = MAX_READINGS
+    inputs: int = 1
+    """How many it measures one after another for each reading."""
     when_odd = "check the cable and that nobody else talks to the instrument"
 
     @abstractmethod
@@ -75,7 +77,10 @@ class BurstMeter(ScpiDriver):
 
     @abstractmethod
     def _read_out(self, readings: int) -> NDArray[np.float64]:
-        """Return the readings that it has, which stay in its memory."""
+        """Return the readings that it has, which stay in its memory.
+
+        Shape (readings,), or (readings, inputs), where the first input is what is watched.
+        """
 
     @abstractmethod
     def _last(self) -> float | None:
@@ -111,7 +116,7 @@ class BurstMeter(ScpiDriver):
             self._line.forget_errors()
             cycles_per_s = self._line_frequency_Hz()
             self._set_up(range_, nplc, auto_zero)
-            self._reading_s = (1 if auto_zero is False else 2) * nplc / cycles_per_s
+            self._reading_s = self.inputs * (1 if auto_zero is False else 2) * nplc / cycles_per_s
             self._range = range_
 
     def _begin(self, readings: int) -> None:
@@ -131,7 +136,7 @@ class BurstMeter(ScpiDriver):
             self._pending = readings
 
     def _values(self) -> NDArray[np.float64] | None:
-        """Return the readings of the burst, shape (readings,), None while it is being taken."""
+        """Return the readings of the burst, as they are read out; None while it is being taken."""
         if not self._pending:
             raise self.error(
                 "fetch a burst", "none was begun since the last one", "begin one before"
@@ -159,7 +164,7 @@ class BurstMeter(ScpiDriver):
                 self.place.clock.sleep(look_s)
                 values = self._taken(1)
                 if values is not None:
-                    return float(values[0])
+                    return float(values.flat[0])
 
     def _overload(self, reading: float, do_now: str | None = None) -> InstrumentError:
         """Return the error of an overloaded reading: the range, and the next higher one."""

@@ -1,8 +1,7 @@
 """Keysight 34465A multimeter (SCPI over TCP, lines end with LF): as a voltmeter, or with a Pt100.
 
-Temperature from four-wire resistance by the Callendar-Van Dusen equation with the coefficients of
-IEC 60751:2008 (5.1), -200 degC to 850 degC. Not confirmed in a primary source: that four-wire
-resistance is always zeroed, as on the 34410A.
+Temperature from four-wire resistance by IEC 60751 (`generic/platinum.py`). Not confirmed in a
+primary source: that four-wire resistance is always zeroed, as on the 34410A.
 
 Other sources, and what else is not confirmed: see `multimeter_34465a_bursts.py`.
 """
@@ -17,9 +16,16 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from drivers.generic.burst_meter import Function, MainsSettings, is_overload
+from drivers.generic.platinum import (
+    HOTTEST_DEGC,
+    R0,
+    WIRES,
+    impossible,
+    resistance_ohm,
+    temperature_degC,
+)
 from drivers.generic.voltmeter import Voltmeter
 from drivers.keysight.multimeter_34465a_bursts import INTEGRATION_CYCLES, TruevoltMeter
-from station.fields import Unit
 from station.roles import Block, Place, quantity
 
 VOLTS = Function("VOLT:DC", "V", (0.1, 1.0, 10.0, 100.0, 1000.0), (0.12, 1.2, 12.0, 120.0, 1000.0))
@@ -39,11 +45,6 @@ class Keysight34465A(Voltmeter, TruevoltMeter):
 
 
 OHMS = Function("FRES", "ohm", (100.0, 1e3, 1e4, 1e5, 1e6), (120.0, 1.2e3, 1.2e4, 1.2e5, 1.2e6))
-A, B, C = 3.9083e-3, -5.775e-7, -4.183e-12
-COLDEST_DEGC, HOTTEST_DEGC = -200.0, 850.0
-NEWTON_STEPS = 6
-WIRES = "check the four wires of the Pt100 and its plug"
-HIGHEST_R0_OHM = 1e4
 
 
 def integrates_over(nplc: float) -> float:
@@ -64,9 +65,7 @@ class Keysight34465APt100(TruevoltMeter):
     class Settings(MainsSettings):
         """The sensor, and how it is measured."""
 
-        r0_ohm: Annotated[float, Unit("ohm")] = Field(
-            100.0, gt=0, le=HIGHEST_R0_OHM, description="resistance of the sensor at 0 degC"
-        )
+        r0_ohm: R0 = 100.0
         nplc: Annotated[float, AfterValidator(integrates_over)] = Field(
             10.0, description="integration time in power-line cycles"
         )
@@ -117,38 +116,7 @@ class Keysight34465APt100(TruevoltMeter):
         overload = is_overload(ohms)
         if overload.any():
             raise self._overload(float(ohms[overload][0]), f"it is open: {WIRES}")
-        coldest, hottest = (
-            resistance_ohm(end, self._r0_ohm) for end in (COLDEST_DEGC, HOTTEST_DEGC)
-        )
-        for value in ohms[(ohms < coldest) | (ohms > hottest)]:
-            raise self.error(
-                "measured the Pt100",
-                f"{value:.6g} ohm came back, which with r0 = {self._r0_ohm:g} ohm is outside "
-                f"{COLDEST_DEGC:g} degC to {HOTTEST_DEGC:g} degC",
-                WIRES,
-            )
+        wrong = impossible(ohms, self._r0_ohm)
+        if wrong is not None:
+            raise self.error("measured the Pt100", wrong, WIRES)
         return temperature_degC(ohms, self._r0_ohm)
-
-
-def resistance_ohm(at_degC: float, r0_ohm: float) -> float:
-    """Return the resistance of a platinum thermometer in ohm (IEC 60751, equations 1 and 2)."""
-    cold = C * (at_degC - 100.0) * at_degC**3 if at_degC < 0 else 0.0
-    return r0_ohm * (1.0 + A * at_degC + B * at_degC**2 + cold)
-
-
-def temperature_degC(ohms: NDArray[np.float64], r0_ohm: float) -> NDArray[np.float64]:
-    """Return temperatures in degC, shape as `ohms`.
-
-    From 0 degC up the quadratic is solved; below, Newton's method starts from its solution there
-    and is exact to rounding after a few steps.
-    """
-    ratio = np.asarray(ohms, dtype=np.float64) / r0_ohm
-    root = np.sqrt(np.maximum(A**2 - 4.0 * B * (1.0 - ratio), 0.0))
-    result = 2.0 * (ratio - 1.0) / (A + root)  # this form loses no digits near 0 degC
-    cold = ratio < 1.0
-    t = result[cold]
-    for _ in range(NEWTON_STEPS):
-        off = 1.0 + A * t + B * t**2 + C * (t - 100.0) * t**3 - ratio[cold]
-        t = t - off / (A + 2.0 * B * t + C * (4.0 * t**3 - 300.0 * t**2))
-    result[cold] = t
-    return result

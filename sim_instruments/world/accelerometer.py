@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_instruments.truth import Truth
-from sim_instruments.world.base import STRONG_COIL, World
+from sim_instruments.world.base import CHAMBER, DEVICE, STRONG_COIL, World
 from sim_instruments.world.coils import AXES, CoilHeat, HelmholtzPair, mean_current_and_square
 from sim_instruments.world.laser_gyro import Heat
 from sim_instruments.world.noise import WhiteNoise, generator
 from sim_instruments.world.piecewise import Array, Indices, Nodes, Pieces, lengths_of, nodes_within
+from sim_instruments.world.platinum import platinum_ohm
 from sim_instruments.world.rotation import RotationHistory
 
 COEFFICIENTS = {
@@ -51,9 +52,6 @@ TILT_CONSTANT = np.array([[0.0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 0, 0]])
 IA_BY_SINE = np.array([[0.0, 0, 1], [0, 0, 1], [0, 0, 0], [0, 1, 0]])
 IA_BY_COSINE = np.array([[1.0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]])
 IA_CONSTANT = np.array([[0.0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0]])
-
-# Callendar and Van Dusen, IEC 60751.
-PT100 = (3.9083e-3, -5.775e-7, -4.183e-12)
 
 
 def acceleration_g(plane: Indices, angle_deg: Array, tilt_rad: float = 0.0) -> Array:
@@ -130,10 +128,7 @@ class Accelerometer:
 
     def pt100_ohm(self, temperature_degC: Array) -> Array:
         """Return the resistance of the platinum thermometer in the housing."""
-        a, b, c = PT100
-        t = temperature_degC
-        below = np.where(t < 0.0, c * (t - 100.0) * t**3, 0.0)
-        return np.asarray(self._pt100_ohm * (1.0 + a * t + b * t**2 + below))
+        return platinum_ohm(self._pt100_ohm, temperature_degC)
 
 
 SLOW_PANEL_S, SLOW_ORDER = 5.0, 3
@@ -195,6 +190,7 @@ class AccelerometerBench(World):
         self._noise = WhiteNoise(self.accelerometer.noise_V, rng)
         if device.switch("powered_at_start"):
             self.power(0.0, True)
+        self.temperatures = {DEVICE: self.dut_temperature_degC, CHAMBER: self._room}
         self.acts = {
             **{
                 f"mount-{plane}": (

@@ -16,7 +16,12 @@ from sim_instruments.world.piecewise import Array
 
 STRONG_COIL = "dc"
 
+DEVICE, CHAMBER = "device", "chamber"
+"""What a thermometer may be at: the device under test, and the air around it."""
+
 Capability = TypeVar("Capability")
+Temperature = Callable[[Array], Array]
+"""Times in s to temperatures in degC, same shape."""
 Edge = Callable[[float], None]
 Act = tuple[Callable[[float], object], str]
 """What happens at a time when a person does what a prompt asks, and the sentence about it."""
@@ -50,7 +55,9 @@ class World(Room, ABC):
 
     `currents` are the coils of the room by name, whether or not the device of this world feels
     them. `acts` says what a person can be asked to do; `preparations` are those that make the
-    world ready for a client who cannot ask for them.
+    world ready for a client who cannot ask for them. `temperatures` are those that a thermometer
+    can be put at, and `gradients_K` how much warmer the far end of each is than the near one
+    (truth: `simulation.gradient`, with `device` and `chamber`; none where it is not given).
     """
 
     preparations: tuple[str, ...] = ("mount", "connect-cables", "dut-power-on")
@@ -62,6 +69,9 @@ class World(Room, ABC):
         self.currents = coil_currents(truth, self._changed)
         self.ambient_mT = np.array(truth.quantities("ambient_field", AXES, "mT"))
         self.acts: dict[str, Act] = {}
+        self.temperatures: dict[str, Temperature] = {}
+        far = truth.errors("gradient", (DEVICE, CHAMBER), "K")
+        self.gradients_K = dict(zip((DEVICE, CHAMBER), far, strict=True))
 
     @property
     @abstractmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim_instruments.truth import Truth
-from sim_instruments.world.base import nothing
+from sim_instruments.world.base import CHAMBER, DEVICE, nothing
 from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.laser_gyro import LaserGyro
 from sim_instruments.world.noise import ReadingNoise, Wander, generator
@@ -60,9 +60,13 @@ class GyroInChamber(LaserGyro):
 
     def temperature_degC(self, time_s: Array) -> Array:
         """Return what its thermometer reads at each time."""
-        own = self.bodies.temperature_and_rate(time_s)[0][:, 0]
+        own = self.body_degC(time_s)
         noise = self._reading.at(time_s)[:, 0]
         return np.asarray(own + self._offset_K + self._extra_K(time_s) + noise)
+
+    def body_degC(self, time_s: Array) -> Array:
+        """Return its temperature at each time."""
+        return self.bodies.temperature_and_rate(time_s)[0][:, 0]
 
     def drift_deg_per_h(self, time_s: Array) -> Array:
         """Return the bias at each time, that of the switch-on and white noise aside."""
@@ -122,6 +126,7 @@ class BiasTemperatureBench(StaticLaserGyro):
             nothing,
             "The simulated gyro stands in the chamber, its input axis up, the door closed.",
         )
+        self.temperatures = {DEVICE: self._own.body_degC, CHAMBER: self.chamber.air_degC}
 
     def power(self, time_s: float, on: bool) -> None:
         """Switch the gyro on, with a bias and a heat of its own, or off."""

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from sim_instruments.truth import SimulationError, Truth
-from sim_instruments.world.base import World, nothing
+from sim_instruments.world.base import CHAMBER, DEVICE, World, nothing
 from sim_instruments.world.chamber import Chamber, ThermalLag
 from sim_instruments.world.coils import AXES
 from sim_instruments.world.fog_navigator import Navigator
@@ -82,6 +82,10 @@ class FogGyros:
     def temperature_degC(self, time_s: Array) -> Array:
         """Return the gyros' true temperatures, shape (times, 3)."""
         return self.heat.temperature_and_rate(time_s)[0]
+
+    def body_degC(self, time_s: Array) -> Array:
+        """Return the temperature of their housing, the mean of theirs."""
+        return np.asarray(self.temperature_degC(time_s).mean(axis=1))
 
     def sensor_degC(self, time_s: Array) -> Array:
         """Return what the thermometers in the gyros read, shape (times, 3)."""
@@ -155,6 +159,7 @@ class FogBench(World):
         self._navigator = Navigator(
             fog.section("navigator"), self.table, self.gyros, latitude_deg, seed
         )
+        self.temperatures = {DEVICE: self.gyros.body_degC, CHAMBER: self.chamber.air_degC}
         if fog.switch("powered_at_start"):
             self.power(BEFORE_ALL_S, True)
         self.acts = {

@@ -9,6 +9,7 @@ import pytest
 
 from station.conformance.fixture import Fixture
 from station.errors import InstrumentError
+from station.roles.multimeter import DEVICE, place_columns, places_in
 
 LARGEST_V = 1.0
 CYCLES = 1.0
@@ -94,3 +95,17 @@ def test_a_burst_of_degrees_comes_once_and_whole(fixture: Fixture, thermometer: 
         assert (temperature_degC > COLDEST_DEGC).all()
         assert (temperature_degC < HOTTEST_DEGC).all()
         assert (block.columns["resistance_ohm"] > 0).all()
+
+
+def test_a_thermometer_with_places_reads_all_of_them(fixture: Fixture, thermometer: Any) -> None:
+    """The device is among its places; each has a resistance and a temperature in each reading."""
+    places = places_in(thermometer.columns)
+    assert DEVICE in places
+    if len(places) == 1:
+        pytest.skip("it reads one place")
+    assert list(thermometer.columns) == [name for place in places for name in place_columns(place)]
+    columns = burst(fixture, thermometer, READINGS).columns
+    for place in places:
+        resistance_ohm, degC = (columns[name] for name in place_columns(place))
+        assert (resistance_ohm > 0).all(), place
+        assert ((degC > COLDEST_DEGC) & (degC < HOTTEST_DEGC)).all(), place

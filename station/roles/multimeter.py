@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import ClassVar, Protocol, runtime_checkable
 
 from station.roles.base import Block, Instrument
@@ -37,9 +37,38 @@ class Multimeter(Instrument, Protocol):
         ...
 
 
+DEVICE = "device"
+"""The place of a thermometer whose temperature is that of the device under test."""
+RESISTANCE, TEMPERATURE_READ = "resistance_ohm", "temperature_degC"
+
+
+def place_columns(place: str) -> tuple[str, str]:
+    """Return the columns of resistance and temperature of a place: those of `device` have no name.
+
+    So whoever reads the temperature of the device reads it of a thermometer with places, too.
+    """
+    before = "" if place == DEVICE else f"{place}_"
+    return before + RESISTANCE, before + TEMPERATURE_READ
+
+
+def places_in(columns: Iterable[str]) -> dict[str, str]:
+    """Return the places whose temperatures are among some columns, each with its column."""
+    named = (name for name in columns if name.endswith(TEMPERATURE_READ))
+    return {name.removesuffix(TEMPERATURE_READ).rstrip("_") or DEVICE: name for name in named}
+
+
+def is_at_device(place: str) -> bool:
+    """Whether a place is at the device under test: `device`, `device_far`."""
+    return place.split("_")[0] == DEVICE
+
+
 @runtime_checkable
 class Thermometer(Instrument, Protocol):
-    """A thermometer at the device under test; columns `resistance_ohm`, `temperature_degC`."""
+    """A thermometer at the device under test; columns `resistance_ohm`, `temperature_degC`.
+
+    A model that reads several places in each reading has columns of the others beside these, such
+    as `device_far_resistance_ohm` and `device_far_temperature_degC` (`place_columns`).
+    """
 
     source: str
     columns: Mapping[str, str]

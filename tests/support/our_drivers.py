@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from keysight_fixture import VOLTS
 from quick_yaml import load_yaml
 
 from station import registry
@@ -73,7 +72,7 @@ def burst_of_degrees(fixture: Fixture, meter: Any) -> float:
 def burst(fixture: Fixture, meter: Any, column: str) -> float:
     """Return the mean of a burst, which is fetched in one look."""
     meter.start(3)
-    fixture.clock.sleep(2.0)
+    fixture.clock.sleep(5.0)
     return float(meter.fetch().columns[column].mean())
 
 
@@ -219,12 +218,17 @@ CASES: dict[str, Case] = {
     "keysight-34465a-pt100": Case(
         Identity(KEYSIGHT, "34465A", "MY60012346", A_03), "FETC", burst_of_degrees
     ),
+    "keysight-daq970a": Case(
+        Identity(KEYSIGHT, "DAQ970A", "MY58010326", "A.02.04-00.16-11.29-00.02-02-01"),
+        "FETC",
+        burst_of_degrees,
+        bench=OTHER,
+    ),
     "keithley-dmm6500": Case(
-        Identity("KEITHLEY INSTRUMENTS", "MODEL DMM6500", "04592428", "1.7.12b"),
+        Identity("KEITHLEY INSTRUMENTS", "MODEL DMM6500", "04503417", "1.7.12b"),
         "TRAC:DATA",
         burst_of_volts,
-        name="multimeter",
-        entry={"serial": "04592428", "settings": {}, "simulator": VOLTS},
+        bench=OTHER,
     ),
     "operator-power": Case(Identity("", "operator", "", "")),
     "keysight-e36312a": Case(
