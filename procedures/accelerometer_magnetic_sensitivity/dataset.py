@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.helmholtz import FieldAtDevice
+from procedures.common.places import AtPlaces
 from station.findings import Analysis
 
 from .model import Identifiability, Names, accelerations, accelerations_by_angle
@@ -50,6 +51,8 @@ class AccelerometerDataset:
     """Standard uncertainty of how the input axis is mounted; None where nobody states it."""
     at_device: FieldAtDevice | None = None
     """How the field was taken to the device from the probe; None where it stays as measured."""
+    places: tuple[AtPlaces, ...] = ()
+    """What a thermometer with places read, none where there was none."""
 
     def __len__(self) -> int:
         """Return the number of rows."""

@@ -15,6 +15,7 @@ import numpy as np
 from procedures.common.homogeneity import at_device, entry
 from procedures.common.inputs import Declared, cosine_u, with_unstated
 from procedures.common.perturbing import with_slopes
+from procedures.common.places import at_points, gradient_inputs, with_gradient
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -111,11 +112,12 @@ def _findings(
     analysis = analyse(dataset, limits)
     analysis = replace(analysis, estimates=tuple(_by_place(analysis, dataset.at_device)))
     places = () if dataset.at_device is None else dataset.at_device.inputs
-    inputs = with_unstated([*inputs, *_mounting(analysis, dataset), *places], INPUTS)
+    warmth = gradient_inputs(dataset.places)
+    inputs = with_unstated([*inputs, *_mounting(analysis, dataset), *places, *warmth], INPUTS)
     keys = tuple((name, None) for name in analysis.identifiability.kept)
     related = Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
     findings, trials = findings_of(analysis, dataset, inputs), trials_of(analysis, dataset, limits)
-    estimates = findings.estimates
+    estimates = tuple(with_gradient(findings.estimates, inputs, WARMTH))
     if "op" in dataset.plane:
         stated = {given.name: given.standard_uncertainty or GRADUATION_RAD for given in inputs}
         estimates = tuple(with_slopes(estimates, trials, {name: stated[name] for name in TURNED}))
@@ -185,6 +187,7 @@ def dataset_of_run(
         temperature_degC=temperature_degC[order] if parameters.temperature else None,
         noise_group=group[order],
         at_device=device,
+        places=at_points(folder, [point.unit for point in points], bench),
         gravity_g=parameters.local_gravity_g,
     )
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common import homogeneity
+from procedures.common.places import table_of
 from station.findings import Findings, combination_text
 from station.parts import Part, Table, first_rows
 from station.plots import (
@@ -62,7 +63,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(homogeneity.table(dataset.at_device))
     if analysis.left_out:
         parts.append(_left_out(analysis, dataset))
-    return tuple(parts)
+    return (*parts, *table_of(dataset.places))
 
 
 def _coefficients(analysis: AccelerometerAnalysis, document: ResultDocument) -> Table:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from procedures.common.constants import ARCSEC_PER_RAD
+from procedures.common.places import AtPlaces
 from station.dataset_reading import Table, refuse
 from station.fields import StrictModel, Unit
 from station.files.faults import Fault
@@ -42,7 +43,8 @@ class TumbleDataset:
     fixture is turned on the head, `encoder_rad` the stage's encoder: their sum is theta.
     `temperature_degC` is None where there is no thermometer. `encoder_accuracy_rad` and
     `mounting_rad` are standard uncertainties: of each of the encoder's first and second harmonics,
-    and of the angle at which the unit or the fixture is set down.
+    and of the angle at which the unit or the fixture is set down. `places` has what a thermometer
+    with places read, none where there was none.
     """
 
     time_s: Array
@@ -56,6 +58,7 @@ class TumbleDataset:
     gravity_g: float
     encoder_accuracy_rad: float
     mounting_rad: float
+    places: tuple[AtPlaces, ...] = ()
 
     @property
     def theta_rad(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import ARCSEC_PER_RAD, FULL_TURN_DEG
+from procedures.common.places import at_points, gradient_inputs, with_gradient
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from station.record.folder import RunFolder
 
 SOURCE = "the dataset's conditions"
+WARMTH = "thermometer_degC"
 GRADUATION = ("graduation", FULL_TURN_DEG, "arcsec")
 """What the stage's record states of its encoder within a turn."""
 
@@ -51,6 +53,7 @@ def findings_of_run(folder: RunFolder, parameters: TumbleParameters, bench: Benc
     inputs = list(inputs_of(conditions, "the plan", sources))
     about = f"zero of the angle of {STAGE}"
     inputs += bench.stated_input((STAGE, "angle", 0.0, "rad"), "encoder_zero", about)
+    inputs += gradient_inputs(dataset.places)
     settings = AnalysisSettings(**dict(parameters.thresholds))
     findings = _findings(dataset, settings, inputs)
     measured = what_was_read(dataset.output_V, dataset.temperature_degC)
@@ -62,7 +65,8 @@ def _findings(
 ) -> Findings:
     analysis = analyse(dataset, settings)
     findings = findings_of(analysis, dataset, inputs)
-    return replace(findings, trials=trials_of(analysis, dataset, settings))
+    estimates = with_gradient(findings.estimates, inputs, WARMTH)
+    return replace(findings, estimates=estimates, trials=trials_of(analysis, dataset, settings))
 
 
 def dataset_of_run(
@@ -93,6 +97,7 @@ def dataset_of_run(
         gravity_g=conditions.local_gravity_g,
         encoder_accuracy_rad=conditions.encoder_accuracy_arcsec / ARCSEC_PER_RAD,
         mounting_rad=conditions.mounting_repeatability_arcsec / ARCSEC_PER_RAD,
+        places=at_points(folder, [point.unit for point in points], bench),
     )
 
 
@@ -115,7 +120,7 @@ def conditions_of_run(
         multimeter_gain_ppm=(gain or 0.0) * 1e6,
         multimeter_zero_V=zero or 0.0,
     )
-    sources = {ENCODER: stage, "thermometer_degC": pt100}
+    sources = {ENCODER: stage, WARMTH: pt100}
     return conditions, {**sources, "multimeter_gain": meter, "multimeter_zero": meter}
 
 
@@ -133,7 +138,7 @@ def inputs_of(
         (MOUNTING, f"mountings, {mounting:g} arcsec each", float(mounting > 0), "1"),
         ("local_gravity", "local gravity", conditions.local_gravity_uncertainty_g, "g"),
         (
-            "thermometer_degC",
+            WARMTH,
             "offset of the thermometer: the temperature that the results hold at",
             conditions.thermometer_uncertainty_degC,
             "degC",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from procedures.common.constants import ARCSEC_PER_RAD, FULL_TURN_DEG
+from procedures.common.places import table_of
 from station.findings import Findings
 from station.parts import Part, Table
 from station.plots import (
@@ -48,7 +49,8 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
     used, solution = analysis.used, analysis.solution
     if solution is None:
         return ()
-    return (_by_angle(used, solution), _by_time(used, solution), _angles(used, solution))
+    parts = (_by_angle(used, solution), _by_time(used, solution), _angles(used, solution))
+    return (*parts, *table_of(findings.detail.dataset.places))
 
 
 def named(dataset: TumbleDataset) -> list[str]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.places import AtPlaces
 
 from .parameters import PUBLISHED_ORDER, USUAL_REFERENCE_DEGC
 
@@ -126,7 +127,8 @@ class FogDataset:
     a vehicle test; neither enters the fit. `gyro_bias_deg_per_h` is the specification, a standard
     uncertainty, None where it is not given. The noises are those that the data sheets state.
     `history` holds temperatures against time for the report, in degC, by name: arrays (rows, 2) of
-    time in s and temperature.
+    time in s and temperature. `places` has what a thermometer with places read at the end of the
+    soak and in that hour of the ramp in which it is widest, none where there was none.
     """
 
     turns: TurnTable
@@ -142,6 +144,7 @@ class FogDataset:
     verification: TurnTable | None = None
     drive: Drive | None = None
     history: Mapping[str, Array] = field(default_factory=dict)
+    places: tuple[AtPlaces, ...] = ()
 
 
 def wrapped_deg(angle_deg: Array) -> Array:

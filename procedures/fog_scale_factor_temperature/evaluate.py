@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
+from procedures.common.places import gradient_inputs, with_gradient
 from station.files.faults import FaultList
 from station.findings import (
     Analysis,
@@ -65,8 +66,10 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     if analysis.navigated is not None and drive is not None:
         more += drive_inputs(drive, "the plan")
     findings = to_findings(analysis, dataset, flags, "specification in the plan", more)
-    inputs = [*findings.inputs, *table_inputs(bench), *warmth, *more]
-    return replace(findings, inputs=inputs, trials=trials)
+    gradient = gradient_inputs(dataset.places)
+    inputs = [*findings.inputs, *table_inputs(bench), *warmth, *gradient, *more]
+    estimates = with_gradient(findings.estimates, inputs, WARMTH)
+    return replace(findings, estimates=estimates, inputs=inputs, trials=trials)
 
 
 def findings_of_dataset(raw: RawDataset) -> Findings:

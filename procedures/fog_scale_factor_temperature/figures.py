@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly
 
 from procedures.common.constants import SECONDS_PER_HOUR
+from procedures.common.places import table_of
 from station.findings import Findings
 from station.parts import Part, Table, first_rows
 from station.plots import (
@@ -72,7 +73,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
         parts.append(_compensation(analysis, bias_deg_per_h))
     if any(len(fit.rejected) for fit in analysis.fits.values()):
         parts.append(_left_out(analysis))
-    return tuple(parts)
+    return (*parts, *table_of(dataset.places))
 
 
 def _curves(analysis: FogAnalysis) -> Table:

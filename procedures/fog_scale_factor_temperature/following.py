@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.place_readings import PlaceReadings
 from station.errors import StationError
 from station.method.duration import NO_TIME, Duration, exactly
 from station.method.motion import AxisCommand
@@ -55,6 +56,7 @@ class Following:
         """Of the navigator, None where it gives none."""
         self._unit = ""
         self._chamber_due_s = self._due_s = run.now_s
+        self._places = PlaceReadings(run, CHAMBER_EVERY_S)
 
     @property
     def rates(self) -> Rates:
@@ -84,6 +86,7 @@ class Following:
             names = [(name, np.float64) for name in (*CHAMBER_COLUMNS, ARRIVAL)]
             values = (self.chamber.temperature_degC(), self.chamber.set_point_degC(), now_s)
             self.run.keep_rows(CHAMBER, unit, CHAMBER_COLUMNS, np.array([values], dtype=names))
+        self._places.look(unit)
 
     def take(self, unit: str) -> None:
         """Record the navigator's outputs that have come.

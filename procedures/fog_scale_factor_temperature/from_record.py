@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.constants import SECONDS_PER_HOUR
+from procedures.common.places import THERMOMETER, AtPlaces, at_places, corrected_by, widest
 from station.errors import MissingRows
 
 from .dataset import AXES, FogDataset, TurnTable
-from .following import BETWEEN_TURNS, CHAMBER, NAVIGATOR, PROOF, RAMP
+from .following import BETWEEN_TURNS, CHAMBER, NAVIGATOR, PROOF, RAMP, SOAK
 from .from_import import PLACE, REFERENCE_PLACE, drive_in
 from .parameters import FogParameters
 
@@ -24,6 +27,8 @@ ARRIVAL = "arrival_time_s"
 ATTITUDE = ("heading_deg", "pitch_deg", "roll_deg")
 THINNED = 5
 """Of the blocks of outputs between turns, which are many, one of so many is drawn."""
+SOAKED_S = 1800.0
+"""Of a soak, its end."""
 SHORT_OF_MOTION_S = 0.3
 """The last outputs before a turn may already have left when it began; they arrive late."""
 
@@ -47,6 +52,7 @@ def dataset_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) -
         verification=proof if len(proof) else None,
         drive=drive_in(files, parameters),
         history=history(folder),
+        places=tuple(places(folder, bench)),
     )
 
 
@@ -128,3 +134,28 @@ def history(folder: RunFolder) -> dict[str, Array]:
             )
             readings[name] = rows[np.argsort(rows[:, 0])]
     return readings
+
+
+def places(folder: RunFolder, bench: Bench) -> Iterator[AtPlaces]:
+    """Yield what a thermometer with places read at the end of the soak, and where it is widest."""
+    corrected = corrected_by(bench)
+    soak, ramp = (recorded_between(folder, unit) for unit in (SOAK, RAMP))
+    if soak is not None:
+        yield at_places(SOAK, soak[soak[ARRIVAL] >= soak[ARRIVAL][-1] - SOAKED_S], corrected)
+    if ramp is not None:
+        hours = ((ramp[ARRIVAL] - ramp[ARRIVAL][0]) / SECONDS_PER_HOUR).astype(np.int64)
+        each = [
+            at_places(f"{RAMP}, hour {hour + 1}", ramp[hours == hour], corrected)
+            for hour in np.unique(hours).tolist()
+        ]
+        far = widest(each)
+        yield from [] if far is None else [far]
+
+
+def recorded_between(folder: RunFolder, unit: str) -> NDArray[Any] | None:
+    """Return the rows of the thermometer that belong to no turn; None where there are none."""
+    blocks = folder.recorded_blocks(THERMOMETER, unit)
+    if not blocks:
+        return None
+    rows = np.concatenate(blocks)
+    return rows[np.argsort(rows[ARRIVAL], kind="stable")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from pydantic import Field
 
 from procedures.common.conditions import OfGyros
 from procedures.common.gyro_source import GYRO
+from procedures.common.places import AtPlaces, at_places, corrected_by, recorded_rows
 from procedures.estimation.alignment import align, unwrapped
 from procedures.estimation.direction import Direction
 from procedures.estimation.pulses import pulses_of
@@ -41,7 +42,8 @@ class TemperatureDataset:
     earth's rate, `gyro_degC` (n,) is the gyro's own thermometer, None without one; `soaking` says
     that the set-point stands. `switch_on` (n,) counts the switch-ons of a run that was resumed,
     None where there is one only. `sensor_lag_prior_s` is the standard uncertainty of how far the
-    thermometer runs ahead of what the bias follows.
+    thermometer runs ahead of what the bias follows. `places` has what a thermometer with places
+    read at the end of each soak, none where there was none.
     """
 
     directions: Mapping[str, Direction]
@@ -56,6 +58,7 @@ class TemperatureDataset:
     gyro_degC: Array | None
     chamber_degC: Array
     switch_on: Index | None = None
+    places: tuple[AtPlaces, ...] = ()
 
     @property
     def temperature_degC(self) -> Array:
@@ -213,7 +216,7 @@ def dataset_of_run(
     chamber = np.concatenate([folder.rows(CHAMBER, unit) for unit in units])
     read_s = chamber["arrival_time_s"]
     on_ramp = np.interp(middle_s, read_s, chamber["set_point_degC"])
-    return _dataset(
+    dataset = _dataset(
         parameters,
         middle_s,
         soaking,
@@ -223,6 +226,18 @@ def dataset_of_run(
         np.interp(middle_s, read_s, chamber["process_value_degC"]),
         number[nearest],
     )
+    return replace(dataset, places=tuple(_places(folder, bench)))
+
+
+def _places(folder: RunFolder, bench: Bench) -> Iterator[AtPlaces]:
+    """Yield what a thermometer with places read at the end of each soak."""
+    corrected = corrected_by(bench)
+    for unit, facts in folder.finished_units().items():
+        rows = recorded_rows(folder, unit) if facts["phase"] == SOAK else None
+        if rows is not None:
+            read_s = rows["arrival_time_s"]
+            lasts_s = min(AT_THE_END_S, PART * float(read_s[-1] - read_s[0]))
+            yield at_places(unit, rows[read_s >= read_s[-1] - lasts_s], corrected)
 
 
 def _dataset(

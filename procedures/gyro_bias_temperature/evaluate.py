@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from numpy.polynomial import Chebyshev
 
 from procedures.common.gyro_source import GYRO
+from procedures.common.places import gradient_inputs, with_gradient
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 
@@ -69,11 +70,12 @@ def _findings(
     about = "offset of the thermometer, by the slope of the bias"
     u_degC = given.thermometer_uncertainty_degC
     inputs.append(InputQuantity.if_stated(WARMTH, about, u_degC, "degC", source))
+    inputs += gradient_inputs(dataset.places)
     analysis = analyse(dataset, settings)
     findings = findings_of(analysis, dataset, inputs)
     findings = replace(
         findings,
-        estimates=[*map(_by_warmth, findings.estimates)],
+        estimates=with_gradient([*map(_by_warmth, findings.estimates)], inputs, WARMTH),
         trials=trials_of(analysis, dataset, settings),
     )
     u_arcmin = given.latitude_uncertainty_arcmin

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from procedures.common.places import table_of
 from station.findings import Findings
 from station.parts import Part, Table
 from station.plots import BLUE, GREY, VERMILION, Axis, Band, Line, Panel, Plot, Points, Rule
@@ -20,7 +21,10 @@ COVERAGE = 2.0
 
 
 def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]:
-    """Return record, curve, residuals and compensation table of each axis with a solution."""
+    """Return record, curve, residuals and compensation table of each axis with a solution.
+
+    After them come the temperatures at the places of a thermometer that has some.
+    """
     analysis: TemperatureAnalysis = findings.detail.analysis
     parts: list[Part] = []
     for one_axis in analysis.axes:
@@ -33,7 +37,7 @@ def draw_parts(findings: Findings, document: ResultDocument) -> tuple[Part, ...]
             _residuals(one_axis, fit),
             _table(one_axis, fit),
         ]
-    return tuple(parts)
+    return (*parts, *table_of(findings.detail.dataset.places))
 
 
 def _hours(one_axis: AxisOverTemperature) -> np.ndarray:

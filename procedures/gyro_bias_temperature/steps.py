@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from procedures.common.constants import SECONDS_PER_HOUR
 from procedures.common.gyro_source import CABLES, GYRO, earth_arcsec_per_s
+from procedures.common.place_readings import PlaceReadings
 from procedures.common.sensing import NeedsChanges
 from procedures.common.switch_ons import POWER
 from station.errors import ConditionNotReached
@@ -149,6 +150,7 @@ class Climate:
         """Counted through all processes of the run: each switches the gyro on, or finds it on."""
         self._run, self._parameters = run, parameters
         self._pulses: NeedsChanges | None = None
+        self._places = PlaceReadings(run, parameters.chamber_interval_s)
         self._due_s = run.now_s
 
     @property
@@ -231,3 +233,4 @@ class Climate:
             self._due_s = run.now_s + self._parameters.chamber_interval_s
             air, set_point = self.chamber.temperature_degC(), self.chamber.set_point_degC()
             keep_row(run, self.unit, CHAMBER, CHAMBER_COLUMNS, air, set_point)
+        self._places.look(self.unit)

@@ -58,7 +58,7 @@ class DetachedRuns:
         fault = not_for(role, plan, f"the plan {wanted.plan}")
         faults = [fault] if fault else []
         if bench.simulation is None and not faults:  # what is simulated answers
-            used = procedure_of(plan.procedure).walk(plan.parameters).instruments
+            used = procedure_of(plan.procedure).walk(plan.parameters).used_on(bench)
             asked = identified(bench, plan.procedure, used, "`station panel`, before a run")
             faults += [
                 f"{answer.name}: {answer.said.removeprefix(f'{answer.name}: ')}"

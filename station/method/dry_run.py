@@ -92,13 +92,20 @@ class Forecast:
 class Walk:
     """What a dry run found: each act in its order, who is asked what, which instruments are used.
 
-    `units` are the units of work in their order, those that nobody knows before left out.
+    `units` are the units of work in their order, those that nobody knows before left out. What is
+    `optional` is used where a bench has it, each with the setting of its driver that it needs.
     """
 
     acts: tuple[Act, ...] = ()
     prompts: tuple[Prompt, ...] = ()
     instruments: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    optional: tuple[tuple[str, str], ...] = ()
+
+    def used_on(self, bench: Bench) -> tuple[str, ...]:
+        """Return what is used on a bench: the instruments needed, and what it has of the others."""
+        more = (name for name, setting in self.optional if has_setting(bench, name, setting))
+        return tuple(dict.fromkeys((*self.instruments, *more)))
 
     @property
     def commands(self) -> tuple[Command[Any], ...]:
@@ -134,6 +141,11 @@ class Walk:
         for rows in (rows for act in self.acts for rows in act.rows):
             by_source.setdefault(rows.instrument, []).append(rows)
         return tuple(recording_of(source, rows, bench) for source, rows in by_source.items())
+
+
+def has_setting(bench: Bench, name: str, setting: str) -> bool:
+    """Whether a bench has an instrument, and gives its driver a setting."""
+    return name in bench.instruments and setting in bench.instruments[name].settings
 
 
 def recording_of(source: str, rows: Sequence[Rows], bench: Bench) -> ExpectedRows:
@@ -202,6 +214,7 @@ class DryRun(Run):
         self._units: dict[str, None] = {}
         self._prompts: dict[Prompt, None] = {}
         self._instruments: dict[str, None] = {}
+        self._optional: dict[tuple[str, str], None] = {}
         self._prepared: dict[Command[Any], Act] = {}
         self._measured: set[str] = set()
         self._calls = 0
@@ -226,7 +239,11 @@ class DryRun(Run):
                 ) from error
         self._acts += self._prepared.values()  # loaded, and started by nobody
         return Walk(
-            tuple(self._acts), tuple(self._prompts), tuple(self._instruments), tuple(self._units)
+            tuple(self._acts),
+            tuple(self._prompts),
+            tuple(self._instruments),
+            tuple(self._units),
+            tuple(self._optional),
         )
 
     def _act(self, duration: Duration = NO_TIME, **of: Any) -> Act:
@@ -312,6 +329,11 @@ class DryRun(Run):
         nobody: Any = Unread(name)
         instrument: Role = nobody
         return instrument
+
+    def optional(self, name: str, kind: type[Role], setting: str) -> Role | None:
+        """Take note that the instrument is used where there is one."""
+        self._optional[name, setting] = None
+        return None
 
     def testing_contact(
         self, contact: str, opens: Mapping[str, str]

@@ -114,6 +114,14 @@ class Run(ABC):
         """
 
     @abstractmethod
+    def optional(self, name: str, kind: type[Role], setting: str) -> Role | None:
+        """Return the instrument `name` where the bench has it with a `setting` of its driver.
+
+        A dry run, which has no bench, returns None. What it gives is recorded behind `read`; no
+        command depends on it.
+        """
+
+    @abstractmethod
     def testing_contact(
         self, contact: str, opens: Mapping[str, str]
     ) -> AbstractContextManager[None]:

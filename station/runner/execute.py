@@ -189,7 +189,7 @@ def all_prompts(procedure: Procedure, plan: Plan, bench: Bench) -> list[Prompt]:
     """Return every prompt a run may show: the procedure's own and those of its drivers and room."""
     walk = procedure.walk(plan.parameters)
     prompts = list(walk.prompts)
-    for name in walk.instruments:
+    for name in walk.used_on(bench):
         if name in bench.instruments:
             driver = registry.load(registry.DRIVERS, bench.instruments[name].driver)
             asked: Mapping[str, str] = getattr(driver, "prompts", {})

@@ -77,7 +77,7 @@ def warned_of_records(plan: Plan, procedure: Procedure, bench: Bench) -> Iterato
     for flag in record_flags(procedure, plan.parameters, bench):
         yield Warned(flag.code, flag.message)
     today = utc_now().date()
-    for name in procedure.walk(plan.parameters).instruments:
+    for name in procedure.walk(plan.parameters).used_on(bench):
         record = bench.record(name)
         if record is not None and record.overdue(today):
             yield Warned(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from station.clock import Clock
 from station.control.questions import Operator
 from station.errors import InputError
+from station.method.dry_run import has_setting
 from station.method.duration import NO_TIME, Duration
 from station.method.prompts import Prompt
 from station.method.run import NO_ROWS, EarlierProgress, Item, Rates, Result, Role, Run
@@ -144,6 +145,12 @@ class ActingRun(Run):
                 f"asks of a {kind.__name__}; choose another driver in the bench file"
             )
         return instrument
+
+    def optional(self, name: str, kind: type[Role], setting: str) -> Role | None:
+        """Return the opened instrument `name`; None where the bench does not have it so."""
+        if not has_setting(self.bench, name, setting):
+            return None
+        return self.role(name, kind)
 
     def prepare(self, command: Command[Result]) -> Result | None:
         """Load what is to start together with others, before the first of them is applied."""

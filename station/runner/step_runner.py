@@ -66,7 +66,7 @@ class StepRunner:
         self._trace = trace
         self._opened: dict[str, Identified] = {}
         self._walk = procedure.walk(run.parameters)
-        needed = self._walk.instruments
+        needed = self._walk.used_on(run.bench)
         self._interlocks = watched_in_a_run(run.bench.interlocks, needed)
         self._needed = {*needed}.union(*(interlock.instruments for interlock in self._interlocks))
         self._guardian: Guardian | None = None

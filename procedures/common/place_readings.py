@@ -1,0 +1,39 @@
+"""A thermometer with places, read beside a run where the bench has one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from procedures.common.places import THERMOMETER
+from station.method.verbs import keep
+from station.roles import Thermometer
+
+if TYPE_CHECKING:
+    from station.method.run import Run
+
+PLACES = "places"
+"""The setting of a driver that reads several."""
+
+
+class PlaceReadings:
+    """A thermometer with places that is read beside what a run records, where the bench has one."""
+
+    def __init__(self, run: Run, every_s: float) -> None:
+        self._run, self._every_s = run, every_s
+        self._thermometer = run.optional(THERMOMETER, Thermometer, PLACES)
+        self._due_s, self._reads = run.now_s, False
+
+    def look(self, unit: str) -> None:
+        """Begin a reading where it is time to, and record one that has come; never waits."""
+        thermometer, now_s = self._thermometer, self._run.now_s
+        if thermometer is None:
+            return
+        if self._reads:
+            block = thermometer.fetch()
+            if block is not None:
+                keep(self._run, unit, thermometer, block)
+            self._reads = block is None
+        elif now_s >= self._due_s:
+            self._due_s = now_s + self._every_s
+            thermometer.start(1)
+            self._reads = True

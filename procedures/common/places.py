@@ -1,0 +1,134 @@
+"""A thermometer with places: what it read, and what its spread means for the results.
+
+The temperature of the device that counts is taken to lie anywhere as far from what `device` reads
+as the farthest of the other places at the device does: a rectangular distribution of that
+half-width, on which a result depends as on an offset of its thermometer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from station.errors import MissingRows
+from station.findings import Estimate, InputQuantity
+from station.parts import Table
+from station.roles.multimeter import DEVICE, is_at_device, places_in
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from station.instruments.bench import Bench
+    from station.record.folder import RunFolder
+
+THERMOMETER = "thermometer"
+GRADIENT = "device_gradient_degC"
+"""The input of a budget."""
+ABOUT = "spread of the temperature over the device"
+SOURCE = "the places of the thermometer"
+Corrected = Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class AtPlaces:
+    """What a thermometer read `when`: its mean at each place, degC."""
+
+    when: str
+    temperature_degC: Mapping[str, float]
+
+    @property
+    def spread_degC(self) -> float | None:
+        """How far the farthest other place at the device is off `device`; None without one."""
+        device = self.temperature_degC[DEVICE]
+        away = [
+            abs(degC - device)
+            for place, degC in self.temperature_degC.items()
+            if place != DEVICE and is_at_device(place)
+        ]
+        return max(away, default=None)
+
+
+def at_places(when: str, rows: NDArray[Any], corrected: Corrected) -> AtPlaces:
+    """Return the means of recorded rows, shape (n,), by place; the bench's corrections applied."""
+    columns = places_in(rows.dtype.names or ())
+    means = {place: corrected(float(rows[name].mean())) for place, name in columns.items()}
+    return AtPlaces(when, means)
+
+
+def recorded_rows(folder: RunFolder, unit: str) -> NDArray[Any] | None:
+    """Return what a thermometer with places read in a unit of work; None where there was none."""
+    try:
+        rows = folder.rows(THERMOMETER, unit)
+    except MissingRows:
+        return None
+    return rows if len(places_in(rows.dtype.names or ())) > 1 else None
+
+
+def corrected_by(bench: Bench) -> Corrected:
+    """Return what applies the bench file's corrections of the thermometer."""
+    return lambda degC: bench.corrected(THERMOMETER, "temperature", degC, "degC")
+
+
+def at_points(folder: RunFolder, units: Iterable[str], bench: Bench) -> tuple[AtPlaces, ...]:
+    """Return what was read at points: over all of them, and where it is widest; none without."""
+    rows = {unit: recorded_rows(folder, unit) for unit in units}
+    corrected = corrected_by(bench)
+    each = [at_places(unit, own, corrected) for unit, own in rows.items() if own is not None]
+    far = widest(each)
+    if not each:
+        return ()
+    means = {
+        place: sum(reading.temperature_degC[place] for reading in each) / len(each)
+        for place in each[0].temperature_degC
+    }
+    return (AtPlaces("all points", means), *([] if far is None else [far]))
+
+
+def widest(readings: Iterable[AtPlaces]) -> AtPlaces | None:
+    """Return the reading with the largest spread over the device; None where none has one."""
+    spread = [reading for reading in readings if reading.spread_degC is not None]
+    return max(spread, key=lambda reading: reading.spread_degC or 0.0, default=None)
+
+
+def gradient_inputs(readings: Iterable[AtPlaces]) -> Iterator[InputQuantity]:
+    """Yield the spread over the device as an input, where there was a thermometer with places."""
+    reading = widest(readings)
+    if reading is not None and reading.spread_degC is not None:
+        u_degC = reading.spread_degC / math.sqrt(3.0)
+        yield InputQuantity(GRADIENT, ABOUT, u_degC, "degC", SOURCE, distribution="uniform")
+
+
+def with_gradient(
+    estimates: Sequence[Estimate], inputs: Iterable[InputQuantity], offset: str
+) -> list[Estimate]:
+    """Return estimates that depend on the spread, where it is an input, as on the `offset`."""
+    if all(given.name != GRADIENT for given in inputs):
+        return list(estimates)
+    return [
+        replace(own, sensitivities={**own.sensitivities, GRADIENT: own.sensitivities[offset]})
+        if offset in own.sensitivities
+        else own
+        for own in estimates
+    ]
+
+
+def table_of(readings: Sequence[AtPlaces]) -> Iterator[Table]:
+    """Yield the table of temperatures by place, where there are any."""
+    if not readings:
+        return
+    places, rows = list(readings[0].temperature_degC), []
+    for reading in readings:
+        spread = "" if reading.spread_degC is None else f"{reading.spread_degC:.3f}"
+        degC = [f"{value:.3f}" for value in reading.temperature_degC.values()]
+        rows.append([reading.when, *degC, spread])
+    yield Table(
+        "Temperatures by place",
+        "What the thermometer read at each of its places, and how far the farthest place at the "
+        "device is off `device`. The temperature that counts is taken to lie anywhere as far from "
+        "`device` as the largest of these: its standard uncertainty in the budget is that over the "
+        "square root of 3.",
+        ["when", *(f"{place}, degC" for place in places), "spread over the device, degC"],
+        rows,
+    )
