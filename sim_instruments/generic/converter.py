@@ -173,11 +173,12 @@ class Converter:
                 volts = volts + self._picked_up_V(edges_s)
                 return self._gain * volts + self._offset + (0.0 if function.zero_on else drift)
             return self._open_input_V(starts_s)
-        if function.unit == "OHM":
-            if self.measures == "pt100" and self._pt100 is not None:
-                return self._gain * self._pt100.mean_pt100_ohm(edges_s)[::2] + self._offset
-            return np.full(len(starts_s), np.inf)
-        return np.zeros(len(starts_s))
+        if function.unit == "OHM" and self.measures == "pt100" and self._pt100 is not None:
+            return self._gain * self._pt100.mean_pt100_ohm(edges_s)[::2] + self._offset
+        # Nothing is between the terminals: no current flows through a resistance, a diode or a
+        # thermocouple; nothing alternates, and a capacitance is that of the leads.
+        open_end = function.unit in ("OHM", "DIODE", "DEGC", "RATIO")
+        return np.full(len(starts_s), np.inf if open_end else 0.0)
 
     def _picked_up_V(self, edges_s: Array) -> Array | float:
         if self._coils is None:
