@@ -4,8 +4,9 @@ From the Truevolt guide and public client code: LF ends commands and replies, `+
 an error queue of 20, readings look like `+1.23456789E+00`, an overload reads ±9.9E+37 and sets an
 event bit once for each INITiate, the condition register says whether it measures (16) or waits for
 a trigger (32), FETCh? and READ? wait for the burst and leave it in the memory, R? and DATA:REMove?
-take it out, new settings and INITiate forget it. Assumed: error texts, and that settings changed in
-the middle of a burst end it. Only DC volts and resistance are connected; other functions read zero.
+take it out, new settings and INITiate forget it. NULL and CALC have a file of their own. Assumed:
+error texts, and that settings changed in the middle of a burst end it. What the world connects is
+measured; other functions read what an open input reads. Left out: temperature.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 from sim_instruments.faults.lasting import Frozen, Overload
 from sim_instruments.generic.converter import Converter, Function
 from sim_instruments.instrument import Setting
-from sim_instruments.keysight.multimeter_34465a_settings import Sense
+from sim_instruments.keysight.multimeter_34465a_math import Math
+from sim_instruments.keysight.multimeter_34465a_settings import HEADERS, Sense
 from sim_instruments.keysight.multimeter_34465a_trigger import TriggerSystem, trigger_commands
 from sim_instruments.wire.requests import released
 from sim_instruments.wire.scpi import (
@@ -38,7 +40,20 @@ MEMORY = 2_000_000
 MEASURING, WAITING, CHANGED, ANY_ERROR = 16, 32, 256, 8192
 MEMORY_OVERFLOW = 16384
 NOT_A_NUMBER = 9.91e37
-CONFIGURED = {"[:VOLTage][:DC]": "VOLT", ":RESistance": "RES", ":FRESistance": "FRES"}
+CONFIGURED = {
+    "[:VOLTage][:DC]": "VOLT",
+    "[:VOLTage]:AC": "VOLT:AC",
+    "[:VOLTage][:DC]:RATio": "VOLT:RAT",
+    ":CURRent[:DC]": "CURR",
+    ":CURRent:AC": "CURR:AC",
+    ":RESistance": "RES",
+    ":FRESistance": "FRES",
+    ":FREQuency": "FREQ",
+    ":PERiod": "PER",
+    ":CAPacitance": "CAP",
+    ":CONTinuity": "CONT",
+    ":DIODe": "DIOD",
+}
 IDENTITIES = {
     "DEF": "Keysight Technologies,34465A",
     "AT34410A": "Agilent Technologies,34410A",
@@ -70,6 +85,7 @@ class Keysight34465A(ScpiDevice):
         self._changed_since, self._overflowed, self._overload_reported = True, False, False
         self._display, self._lit = '""', True
         self._sense = Sense(self._converter, self._settings_changed, self._clock.now)
+        self._math = Math(self._sense.functions, lambda: self._sense.chosen)
         self._add_all()
         self.begin_to_serve(setting, self._lock)
 
@@ -81,13 +97,14 @@ class Keysight34465A(ScpiDevice):
         return bits | (ANY_ERROR if self.errors else 0)
 
     def questionable_condition(self) -> int:
-        """Return whether readings were lost; overloads are events only."""
-        return MEMORY_OVERFLOW if self._overflowed else 0
+        """Return whether readings were lost or beyond limits; overloads are events only."""
+        return self._math.limits.failed | (MEMORY_OVERFLOW if self._overflowed else 0)
 
     def reset(self) -> None:
         """Go to DC volts, one reading for each READ?."""
         self._trigger.reset()
         self._sense.reset()
+        self._math.reset()
         self._settings_changed()
 
     def before_each(self) -> None:
@@ -100,13 +117,14 @@ class Keysight34465A(ScpiDevice):
         if (np.abs(values) >= NOT_A_NUMBER * 0.99).any() and not self._overload_reported:
             self.questionable.latch(used.overload_bit)
             self._overload_reported = True
-        self._readings.append(values)
+        self._readings.append(self._math.of(values))
         if self._count() > MEMORY:
             self._readings = [np.concatenate(self._readings)[-MEMORY:]]
             self._overflowed = True
 
     def _settings_changed(self) -> None:
         self._trigger.stop()
+        self._math.function_changed()
         self._readings, self._overflowed = [], False
         self._changed_since = True
 
@@ -149,12 +167,16 @@ class Keysight34465A(ScpiDevice):
             measure = Listed(None, partial(self._measure, function))
             self.add_commands({f"CONFigure{header}": configure, f"MEASure{header}": measure})
         self._sense.add_to(self)
+        self._math.add_to(self)
+        for name, header in HEADERS.items():
+            self.add_commands(self._math.null_commands(name), f"{header}:", f"SENSe:{header}:")
         commands = trigger_commands(trigger, self._least_period_s)
         self.add_commands(commands, after=self._settings_changed)
 
     def _configure(self, function: Function, parameters: list[str]) -> None:
         self._trigger.reset()
         self._sense.configure(function, parameters)
+        self._math.reset()
 
     def _measure(self, function: Function, parameters: list[str]) -> str:
         self._configure(function, parameters)
@@ -174,6 +196,7 @@ class Keysight34465A(ScpiDevice):
         self._trigger.initiate(self._clock.now(), self._converter.busy_s(self._sense.chosen))
         self._readings, self._overflowed = [], False
         self._changed_since = self._overload_reported = False
+        self._math.clear()
 
     def _wait(self) -> None:
         """Wait until it is idle; ScpiError -214 when that needs a trigger by this very line."""

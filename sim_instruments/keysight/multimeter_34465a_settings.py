@@ -1,8 +1,12 @@
 """What a Keysight 34465A measures: FUNC, CONF and [SENS:]….
 
 From the Truevolt guide and public client code: names of functions in quotes, the next range up for
-a number, integration times from a list, settings that change forget older readings. Assumed: a
-four-wire resistance has no ZERO:AUTO, an integration time that is not in the list is refused.
+a number, integration times from a list, settings that change forget older readings. Range and
+resolution choose the integration time: `CONF:VOLT:DC 10,0.001` (Truevolt guide p. 217), which is
+coarser than any, takes the shortest; a number beside autoranging is a conflict (34410A guide
+p. 651), MIN, MAX and DEF are not. Assumed: a four-wire resistance has no ZERO:AUTO, an integration
+time that is not in the list is refused, a resolution finer than the finest ends in -222, the one of
+a frequency chooses its gate by decades.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ HEADERS = {
     "CURR:AC": "CURRent:AC",
     "RES": "RESistance",
     "FRES": "FRESistance",
+    "CAP": "CAPacitance",
 }
 NAMES = {
     "VOLTAGE": "VOLT",
@@ -38,16 +43,23 @@ NAMES = {
     "PERIOD": "PER",
     "CONTINUITY": "CONT",
     "DIODE": "DIOD",
+    "CAPACITANCE": "CAP",
 }
 Give = Callable[[list[str]], str]
-GATES_S = ("FREQuency", "PERiod")
-"""Functions whose aperture is a gate time: 1 ms, 10 ms, 100 ms or 1 s."""
+GATED = {"FREQ": "FREQuency", "PER": "PERiod"}
+"""Functions whose aperture is a gate time."""
+GATES_S = (1e-3, 1e-2, 0.1, 1.0)
+FINEST_OF_GATE = 1e-6
+"""Of the range, the resolution of the longest gate."""
+WORDS = ("DEF", "DEFAULT", "MIN", "MINIMUM", "MAX", "MAXIMUM")
+WITHOUT_PARAMETERS = ("CONT", "DIOD")
 
 
 def functions() -> dict[str, Function]:
     """Return all functions as after `*RST`, by the name that `FUNC?` gives."""
     volts = (0.1, 1.0, 10.0, 100.0, 1000.0)
     amperes = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.0)
+    farads = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
     ohms = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
     made = (
         Function("VOLT", "VDC", volts, 1, range=10.0),
@@ -56,11 +68,12 @@ def functions() -> dict[str, Function]:
         Function("CURR:AC", "AAC", amperes, 2, range=0.1),
         Function("RES", "OHM", ohms, 512, range=1e3),
         Function("FRES", "OHM", ohms, 512, can_zero=False, range=1e3),
-        Function("VOLT:RAT", "", volts, 1, range=10.0),
-        Function("FREQ", "HZ", (3e5,), 1, can_zero=False, range=3e5),
-        Function("PER", "S", (3.33e-1,), 1, can_zero=False, range=3.33e-1),
+        Function("VOLT:RAT", "RATIO", volts, 1, range=10.0),
+        Function("FREQ", "HZ", (3e5,), 1, zero_on=False, range=3e5, aperture_s=0.1),
+        Function("PER", "S", (3.33e-1,), 1, zero_on=False, range=3.33e-1, aperture_s=0.1),
+        Function("CAP", "F", farads, 1, zero_on=False, range=1e-6),
         Function("CONT", "OHM", (1e3,), 512, can_zero=False, range=1e3),
-        Function("DIOD", "VDC", (5.0,), 1, can_zero=False, range=5.0),
+        Function("DIOD", "DIODE", (5.0,), 1, can_zero=False, range=5.0),
     )
     return {function.name: function for function in made}
 
@@ -77,13 +90,11 @@ class Sense:
         self._converter, self._changed, self._now_s = converter, changed, now_s
         self.functions = functions()
         self.chosen = self.functions["VOLT"]
-        self._gates_s = dict.fromkeys(GATES_S, 0.1)
 
     def reset(self) -> None:
         """Go to DC volts, everything automatic, ten power-line cycles."""
         for name, fresh in functions().items():
             vars(self.functions[name]).update(vars(fresh))
-        self._gates_s = dict.fromkeys(GATES_S, 0.1)
         self.chosen = self.functions["VOLT"]
 
     def add_to(self, device: ScpiDevice) -> None:
@@ -92,26 +103,40 @@ class Sense:
         device.add_commands({"FUNCtion[:ON]": named}, "", "SENSe:")
         device.add_commands({"CONFigure": Listed(None, lambda _: self._configured())})
         for name, header in HEADERS.items():
-            table = self._function(self.functions[name], alternating=name.endswith(":AC"))
+            plain = name.endswith(":AC") or name == "CAP"
+            table = self._function(self.functions[name], plain=plain)
             device.add_commands(
                 table, f"{header}:", f"SENSe:{header}:", after=partial(self._set, name)
             )
-        for name in GATES_S:
+        for name, header in GATED.items():
             gate = Listed(partial(self._take_gate, name), partial(self._gate, name))
-            device.add_commands({f"{name}:APERture": gate}, "", "SENSe:", after=self._changed)
+            device.add_commands({f"{header}:APERture": gate}, "", "SENSe:", after=self._changed)
 
     def configure(self, function: Function, parameters: list[str]) -> None:
-        """Choose a function with its range and resolution, everything else as after `*RST`."""
-        if len(parameters) > 2:
+        """Choose a function with its range and resolution, everything else as after `*RST`.
+
+        ScpiError -221 for a resolution in numbers where the range is chosen automatically.
+        """
+        if len(parameters) > (0 if function.name in WITHOUT_PARAMETERS else 2):
             raise ScpiError(-108)
+        range_text, resolution_text = [*parameters, "DEF", "DEF"][:2]
+        automatic = range_text.upper() in ("AUTO", "DEF", "DEFAULT")
+        stated = resolution_text.upper() not in WORDS
+        if automatic and stated and function.name not in GATED:
+            raise ScpiError(-221)
+        before = dict(vars(function))
         vars(function).update(vars(functions()[function.name]))
-        if parameters and parameters[0].upper() not in ("AUTO", "DEF"):
-            self._set_range(function, parameters[0])
-        if len(parameters) == 2 and parameters[1].upper() != "DEF":
-            self._set_resolution(function, parameters[1])
+        try:
+            if not automatic:
+                self._set_range(function, range_text)
+            if resolution_text.upper() not in ("DEF", "DEFAULT"):
+                self._set_resolution(function, resolution_text)
+        except ScpiError:
+            vars(function).update(before)
+            raise
         self._take(function)
 
-    def _function(self, function: Function, *, alternating: bool) -> dict[str, Value]:
+    def _function(self, function: Function, *, plain: bool) -> dict[str, Value]:
         converter, ranges = self._converter, function.ranges
 
         def row(act: Callable[[Function, str], None], give: Give) -> Listed:
@@ -128,7 +153,7 @@ class Sense:
             "RANGe[:UPPer]": row(self._set_range, in_range),
             "RANGe:AUTO": row(self._set_autorange, switch(lambda: function.autorange)),
         }
-        if alternating:
+        if plain:
             return table
         integrated = among(CYCLES[0], CYCLES[-1], lambda: function.cycles)
         aperture = among(*APERTURES_S, lambda: converter.aperture_s(function))
@@ -136,7 +161,14 @@ class Sense:
             "NPLCycles": row(self._set_cycles, integrated),
             "APERture": row(self._set_aperture, aperture),
             "APERture:ENABled": row(self._enable_aperture, switch(lambda: function.aperture_s)),
-            "RESolution": row(self._set_resolution, lambda _: f"{self._resolution(function):+.8E}"),
+            "RESolution": row(
+                self._set_resolution,
+                lambda given: (
+                    f"{self._resolution_of(function, given[0]):+.8E}"
+                    if given
+                    else f"{self._resolution(function):+.8E}"
+                ),
+            ),
         }
         if function.can_zero:
             table["ZERO:AUTO"] = row(self._set_zero, switch(lambda: function.zero_on))
@@ -153,16 +185,19 @@ class Sense:
         self._changed()
 
     def _resolution(self, function: Function) -> float:
+        if function.name in GATED:
+            return self._finest(function)[function.aperture_s or 0.1]
         return self._converter.resolution(function) * function.range
 
     def _take_gate(self, name: str, parameters: list[str]) -> None:
-        gate_s = numeric(single_parameter(parameters), 1e-3, 1.0, 0.1)
-        if not any(math.isclose(gate_s, known) for known in (1e-3, 1e-2, 0.1, 1.0)):
+        gate_s = numeric(single_parameter(parameters), GATES_S[0], GATES_S[-1], 0.1)
+        if not any(math.isclose(gate_s, known) for known in GATES_S):
             raise ScpiError(-224)
-        self._gates_s[name] = gate_s
+        self.functions[name].aperture_s = gate_s
 
     def _gate(self, name: str, parameters: list[str]) -> str:
-        return f"{self._gates_s[name]:+.8E}"
+        shown_s = self.functions[name].aperture_s or 0.0
+        return f"{numeric(parameters[0], *GATES_S[::3], 0.1) if parameters else shown_s:+.8E}"
 
     def _choose(self, parameters: list[str]) -> None:
         name = unquoted(single_parameter(parameters)).upper().removesuffix(":DC")
@@ -206,13 +241,32 @@ class Sense:
     def _enable_aperture(self, function: Function, text: str) -> None:
         function.aperture_s = self._converter.aperture_s(function) if boolean(text) else None
 
+    def _finest(self, function: Function) -> dict[float, float]:
+        """Return the resolution of each integration time, or of each gate, coarsest first."""
+        if function.name in GATED:
+            shares = (FINEST_OF_GATE * GATES_S[-1] / gate_s for gate_s in GATES_S)
+            return dict(zip(GATES_S, (share * function.range for share in shares), strict=True))
+        return {c: share * function.range for c, share in zip(CYCLES, RESOLUTION, strict=True)}
+
+    def _resolution_of(self, function: Function, text: str) -> float:
+        best = self._finest(function)
+        finest, coarsest = min(best.values()), max(best.values())
+        default = best[0.1 if function.name in GATED else 10.0]
+        wanted = numeric(text, min(finest, 0.0), math.inf, default)
+        wanted = {"MIN": finest, "MAX": coarsest}.get(text.upper()[:3], wanted)
+        if wanted < finest * (1 - 1e-6):
+            raise ScpiError(-222)
+        return wanted
+
     def _set_resolution(self, function: Function, text: str) -> None:
-        best = {
-            c: relative * function.range for c, relative in zip(CYCLES, RESOLUTION, strict=True)
-        }
-        wanted = numeric(text, min(best.values()), max(best.values()), best[10.0])
-        function.cycles = next(c for c in CYCLES if best[c] <= wanted * (1 + 1e-6))
-        function.aperture_s = None
+        wanted = self._resolution_of(function, text)
+        best = self._finest(function)
+        # What is coarser than any takes the shortest.
+        chosen = next(time for time in best if best[time] <= wanted * (1 + 1e-6))
+        if function.name in GATED:
+            function.aperture_s = chosen
+        else:
+            function.cycles, function.aperture_s = chosen, None
 
     def _set_zero(self, function: Function, text: str) -> None:
         function.zero_on = text.upper() != "ONCE" and boolean(text)
