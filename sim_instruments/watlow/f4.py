@@ -9,7 +9,7 @@ the digital inputs 201, 213, 225 and 237 are active. Assumed: three digits of th
 register; a set-point one count below its low limit is `off`; 102 and 106 are the states of the
 alarms, other than zero while they are on; what is out of range is refused with exception 3.
 
-A chamber's F4 has a clock at 1916 to 1921 (hour, minute, second, month, day, year) and in 200 the
+A chamber's F4 has a clock at 1916 to 1921 (hour, minute, second, month, day, year), and in 200 the
 state of its profile, of which there is none here; ten registers from 3500 on hold a name each,
 which are blank. An F4P has its slidewire at 1916 to 1921, what it reads is assumed, and in 200 1 in
 automatic control and 2 in manual. Left out: profiles, the second channel.
@@ -117,8 +117,9 @@ class WatlowF4(WatlowController):
     @staticmethod
     def _of_chamber(clock: Clock) -> dict[int, Parameter]:
         """Return the clock of a chamber's F4, and its profiles, of which none runs."""
+        shows = ControllerClock(clock)
         return {
-            **{1916 + n: shown(partial(time_of, clock, field)) for n, field in enumerate(CLOCK)},
+            **{1916 + n: shows.field(name) for n, name in enumerate(CLOCK)},
             200: fixed(0),
             1217: chosen((1,), lambda: 0, lambda _: None),
             **{3500 + 10 * profile: fixed(*b" " * 10) for profile in range(PROFILES)},
@@ -166,6 +167,23 @@ class WatlowF4(WatlowController):
         return 2 if self._plant.alarm_is_on(alarm) else 0
 
 
-def time_of(clock: Clock, field: str) -> int:
-    """Return one field of the date and time that a controller's clock shows."""
-    return int(getattr(BEGAN + timedelta(seconds=clock.now()), field))
+class ControllerClock:
+    """The date and time that a controller shows, which are set field by field."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._shift = clock, timedelta(0)
+
+    def field(self, name: str) -> Parameter:
+        """Return the register of one field; a value that is no date is refused."""
+
+        def take(words: Words) -> None:
+            now, wanted = self._now(), {name: words[0]}
+            try:
+                self._shift += now.replace(**wanted) - now  # type: ignore[arg-type]
+            except ValueError:
+                raise ModbusError(ILLEGAL_VALUE) from None
+
+        return Parameter(lambda: (getattr(self._now(), name),), take)
+
+    def _now(self) -> datetime:
+        return BEGAN + timedelta(seconds=self._clock.now()) + self._shift

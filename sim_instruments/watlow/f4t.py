@@ -5,9 +5,9 @@ digital inputs and outputs, identity) and of a chamber maker's (ramp action, sca
 set-point), and from a public client (exception 4 for an input or output that is not there, floats
 with the low word first, states of alarms). Assumed: a set-point or a limit out of range is refused
 with exception 3; a ramp that is switched off leaves the set-point at its target at once; an alarm
-cuts heater and compressor by its relay; outputs can be written where their state is read. Left out:
-cascade loops, profiles (there is none to start), control by the manual power (2784), which is only
-kept.
+cuts heater and compressor by its relay; outputs can be written where their state is read; the clock
+is set field by field. Profiles have a file of their own. Left out: cascade loops, function keys,
+messages, control by the manual power (2784), which is only kept.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from itertools import product
 
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
-from sim_instruments.watlow.f4 import CLOCK, time_of
+from sim_instruments.watlow.f4 import CLOCK, ControllerClock
+from sim_instruments.watlow.f4t_profiles import ProfileRun, Profiles
 from sim_instruments.watlow.plant import Plant, SetPoint, WatlowController
 from sim_instruments.wire.modbus import (
     DEVICE_FAILURE,
@@ -40,7 +41,7 @@ PART_NUMBER = "F4T1L1EAA1D1AAA"
 OFF, ON, AUTO = 62, 63, 10
 STATES = (OFF, ON)
 CELSIUS, NONE, OK, SAFE = 15, 61, 138, 1667
-ALARM_HIGH, NOT_STARTED, TERMINATE = 7, 251, 148
+ALARM_HIGH, ABSOLUTE_TEMPERATURE = 7, 1540
 RAMP_STARTUP, RAMP_SET_POINT, RAMP_BOTH = 88, 85, 13
 RAMPS = (OFF, RAMP_STARTUP, RAMP_SET_POINT, RAMP_BOTH)
 SCALES_S = {57: 60.0, 39: 3600.0}
@@ -78,6 +79,9 @@ class WatlowF4T(WatlowController):
         self._set_point = SetPoint(setting, self._plant, self._plant.process_degC())
         self._mode, self._ramp_action, self._ramp_scale, self._ramp_rate = OFF, OFF, 57, 1.0
         self._manual_percent = 0.0
+        self._run = ProfileRun(setting, self._set_point, self)
+        self._profiles = Profiles(self._run, self._float)
+        self._aside_degC = self._set_point.target_degC
         self._outputs: dict[str, bool] = {}
         self._uses: dict[str, str] = {}
         self._inputs: dict[str, str] = {}
@@ -108,7 +112,7 @@ class WatlowF4T(WatlowController):
             2730: chosen((OFF, AUTO), lambda: self._mode, self._set_mode),
             2774: floating(lambda: self._low_degC, partial(self._limit, "_low_degC")),
             2776: floating(lambda: self._high_degC, partial(self._limit, "_high_degC")),
-            2782: floating(lambda: self._set_point.target_degC, self._aim),
+            2782: floating(self._own_degC, self._aim),
             2784: floating(lambda: self._manual_percent, self._set_manual),
             2794: chosen(RAMPS, lambda: self._ramp_action, self._set_action),
             2796: chosen(SCALES_S, lambda: self._ramp_scale, self._set_scale),
@@ -118,18 +122,19 @@ class WatlowF4T(WatlowController):
             2814: shown(lambda: self._mode),
             2820: floating(plant.process_degC),
             27586: floating(plant.process_degC),
-            16566: chosen((TERMINATE,), lambda: NONE, lambda _: None),
-            16568: fixed(NOT_STARTED),
+            16536: fixed(ABSOLUTE_TEMPERATURE),
+            **self._profiles.table(),
         }
+        shows = ControllerClock(self._clock)
         for n, field in enumerate(CLOCK):
-            table[14664 + 2 * n] = shown(partial(time_of, self._clock, field))
+            table[14664 + 2 * n] = shows.field(field)
         for n in range(1, alarms + 1):
             table[1356 + 100 * (n - 1)] = shown(partial(self._alarm, n))
         for module in limit_modules:
             for address, well in LIMIT_REGISTERS.items():
                 table[address + 60 * (module - 1)] = fixed(well)
         for n, address in enumerate(EVENTS, 1):
-            event = partial(self._events.__getitem__, n), partial(self._set_event, n)
+            event = partial(self._events.__getitem__, n), partial(self.set_event, n)
             table[address] = chosen(STATES, *event)
         for module, number in product(range(1, MOST + 1), repeat=2):
             name = f"{module}.{number}"
@@ -171,7 +176,9 @@ class WatlowF4T(WatlowController):
     def _aim(self, target_degC: float) -> None:
         if not self._low_degC <= target_degC <= self._high_degC:
             raise ModbusError(ILLEGAL_VALUE)
-        if self._ramp_action in (RAMP_SET_POINT, RAMP_BOTH):
+        if self._run.active:
+            self._aside_degC = target_degC
+        elif self._ramp_action in (RAMP_SET_POINT, RAMP_BOTH):
             self._ramp(target_degC, self._set_point.now_degC())
         else:
             self._set_point.jump(target_degC)
@@ -197,20 +204,53 @@ class WatlowF4T(WatlowController):
 
     def _set_action(self, action: int) -> None:
         self._ramp_action = action
-        if action == OFF:
+        if action == OFF and not self._run.active:
             self._set_point.jump(self._set_point.target_degC)
 
     def _go_on(self) -> None:
         """Let a ramp that is under way go on at its new rate."""
         here_degC, target_degC = self._set_point.now_degC(), self._set_point.target_degC
+        if self._run.active:
+            return
         if self._ramp_action != OFF and here_degC != target_degC:
             self._ramp(target_degC, here_degC)
 
     def _set_mode(self, mode: int) -> None:
         before, self._mode = self._mode, mode
-        if before == OFF and mode == AUTO and self._ramp_action in (RAMP_STARTUP, RAMP_BOTH):
+        ramps = not self._run.active
+        if (
+            ramps
+            and before == OFF
+            and mode == AUTO
+            and self._ramp_action in (RAMP_STARTUP, RAMP_BOTH)
+        ):
             self._ramp(self._set_point.target_degC, self._plant.process_degC())
         self._plant.control(mode == AUTO)
+
+    # What a profile does with the loop.
+
+    def _own_degC(self) -> float:
+        """Return the set-point of the loop, which a profile leaves alone."""
+        return self._aside_degC if self._run.active else self._set_point.target_degC
+
+    def take_over(self) -> None:
+        """Give the loop to a profile."""
+        self._aside_degC, self._mode = self._set_point.target_degC, AUTO
+        self._plant.control(True)
+
+    def give_back(self, *, hold: bool) -> None:
+        """Go on without the profile, at its set-point or at the loop's own."""
+        self._set_point.jump(self._set_point.now_degC() if hold else self._aside_degC)
+
+    def switch_off(self) -> None:
+        """Switch the loop off."""
+        self._set_mode(OFF)
+
+    def set_event(self, number: int, state: int) -> None:
+        """Set an event, and the output that it switches."""
+        self._events[number] = state
+        if number in self._switched_by:
+            self._switch(self._switched_by[number], (state,))
 
     # States, inputs and outputs.
 
@@ -235,8 +275,3 @@ class WatlowF4T(WatlowController):
         self._outputs[name] = on
         if self._uses[name] == SWITCHES_DUT:
             self._world.power(self._clock.now(), on)
-
-    def _set_event(self, number: int, state: int) -> None:
-        self._events[number] = state
-        if number in self._switched_by:
-            self._switch(self._switched_by[number], (state,))

@@ -42,6 +42,9 @@ def test_an_f4_of_a_chamber_shows_its_clock_and_the_names_of_its_profiles() -> N
     with controller("f4") as fixture, RawRtu(fixture) as line:
         fixture.clock.sleep(3723.0)
         assert line.words(1916, 6) == (1, 2, 3, 1, 1, 2026)
+        request = struct.pack(">BHH", 6, 1917, 30)
+        assert line.pdu(request) == request and line.words(1916, 3) == (1, 30, 3)
+        assert line.pdu(struct.pack(">BHH", 6, 1919, 13)) == b"\x86\x03"
         assert line.words(3500 + 10 * 39, 10) == (32,) * 10
         assert line.words(200, 1) == (0,)
         assert line.pdu(struct.pack(">BHH", 3, 3900, 10)) == b"\x83\x02"
