@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -74,11 +75,20 @@ def test_what_the_425_had_set_is_put_back() -> None:
 
 
 def test_a_program_that_does_not_pause_loses_some_lines_and_not_all() -> None:
-    with variant(*MODEL_425) as here, here.line() as line:
-        lines = [here.simulator._line(b"UNIT?") for _ in range(7)]
-        assert lines.count(b"1\r\n") == 4 and lines.count(b"") == 3
-        here.clock.sleep(0.1)
-        assert line.ask("UNIT?") == "1"
+    def heard() -> list[bytes]:
+        with variant(*MODEL_425) as here, here.line() as line:
+            lines = [here.simulator._line(b"UNIT?") for _ in range(400)]
+            for _ in range(20):
+                here.clock.sleep(0.05)
+                assert line.ask("UNIT?") == "1"
+            return lines
+
+    lines = heard()
+    assert set(lines) == {b"1\r\n", b""} and lines[0]
+    assert 0.15 < lines.count(b"") / len(lines) < 0.35
+    gaps = [k for k, line in enumerate(lines) if not line]
+    assert len({after - before for before, after in pairwise(gaps)}) > 3
+    assert heard() == lines
 
 
 def test_the_425_answers_its_status_in_bits_and_units_by_number() -> None:
