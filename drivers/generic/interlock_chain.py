@@ -23,6 +23,7 @@ exchanges.
 | instrument | its contacts |
 |---|---|
 | ACUTROL3000 | `interlock`: what the manuals call a hardware abort, in the state of any axis |
+| Ideal Aerosmith | `motor 1`: of an axis that was homed, off by a stop, the panel or a trip |
 | Watlow F4T | `door`: the input of `settings.door`; each alarm that is on, limit that tripped |
 | Watlow F4 | `door`: the input of `settings.door`; each alarm that is on, its sensor's error |
 """
@@ -100,7 +101,7 @@ class SharedInterlockChain(Driver):
 
     Commands and their sources:
         nothing of its own - the drivers of its `shares` ask for their contacts - the rows of
-            acutrol-3000, watlow-f4t and watlow-f4 - not confirmed
+            acutrol-3000, ideal-aerosmith, watlow-f4t and watlow-f4 - not confirmed
     """
 
     def __init__(self, place: Place) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -95,6 +96,8 @@ class AtlTable(AxesTable):
         self._stood_since_s = dict.fromkeys(self.axes, math.inf)
         self._rate_from: dict[int, tuple[float, float]] = {}
         self.tells_motor = True
+        self.held: set[int] = set()
+        """The axes whose motor was switched on here: one that is off now was switched off."""
 
     # Looks.
 
@@ -140,6 +143,7 @@ class AtlTable(AxesTable):
 
     def switch_motor_on(self, state: AxisState, within_s: float) -> None:
         """Switch a motor on, where the firmware has a command for it."""
+        self.held.discard(state.number)
         tells = self.motor_on(state.number) is not None
         try:
             self._line.command(state.number, "SRV1")
@@ -188,10 +192,8 @@ class AtlTable(AxesTable):
 
     def brake(self, state: AxisState) -> None:
         """Have an axis come to rest; a table that refuses has nothing that it could stop."""
-        try:
+        with suppress(RefusedByTable):  # what reads back decides whether it stands
             self._line.command(state.number, "STO")
-        except RefusedByTable as error:
-            self._place.note("refused-to-stop", axis=state.number, message=str(error))
 
     # Judgements.
 
@@ -204,6 +206,7 @@ class AtlTable(AxesTable):
                 motor_on = self._has_settled(n, True, HOME_SETTLES_S)
             if not motor_on:
                 return False
+            self.held.add(n)
             if settings.zero == "absolute":
                 return self._knows_zero(state)
             self._begin(state, "HOM")
@@ -257,9 +260,13 @@ class AtlTable(AxesTable):
                 "look whether something blocks it and whether HOF holds a home offset, then home "
                 "it again",
             )
-        if late and state.doing in (Doing.CLOSING, Doing.SEARCHING):
-            self.brake(state)
-        super().need_in_time(state)
+        try:
+            super().need_in_time(state)
+        except InstrumentError:
+            if state.doing in (Doing.CLOSING, Doing.SEARCHING):
+                self.brake(state)
+                state.forgets()
+            raise
 
     def _begin(self, state: AxisState, command: str) -> None:
         """Send what begins or ends a motion; where it is refused, the zero is in doubt."""

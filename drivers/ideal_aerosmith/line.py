@@ -111,7 +111,9 @@ class AtlLine(TextLine):
         """Return the one value of an answer, without prompt and echo; AnswerInDoubt for more."""
         attempted = f"sent {shortened(message)!r}"
         came = self._came(port, attempted, deadline_s, lambda came: any(answers(came, message)))
-        said = [text for text in answers(came, message) if text]
+        said = [line for text in answers(came, message) for line in text.splitlines()]
+        if message == IDENTITY_QUESTION:
+            return " ".join(said)
         if len(said) > 1:
             self._doubt(came, attempted)
             text = shortened(came.decode(ENCODING))
@@ -155,7 +157,7 @@ def without_echo(text: str, sent: Sequence[str]) -> str:
     lines = [line.strip() for line in re.split(r"[\r\n]+", text)]
     for message in sent:
         lines = [line.removeprefix(message).strip() for line in lines]
-    return " ".join(line for line in lines if line)
+    return "\n".join(line for line in lines if line)
 
 
 def number(value: float) -> str:

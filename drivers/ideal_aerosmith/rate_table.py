@@ -1,18 +1,20 @@
 """Ideal Aerosmith rate table of up to three axes, in the maker's table language, by serial port.
 
-No manual of the maker was at hand. Sources are three public clients of tables with one axis: A, the
-control panel of a 1270VS (with tests); B, a rate sweep of an incoming inspection; C, a test suite
-of an IMU. What two of them agree on is confirmed, what stands in one alone is not. Where they
-differ the driver copes with both, and the run's log says which was met:
+No manual of the maker was at hand. Sources are three public clients of tables with one axis: the
+control panel of a 1270VS with its tests (`panel`), the rate sweep of an incoming inspection,
+actigraph/RateTableSweepGUI (`sweep`), and a test suite of an IMU (`suite`). What two of them agree
+on is confirmed, what stands in one alone is not. CR ends a command, LF behind it is nothing (suite;
+sweep sends it); each answer ends with the prompt `>` (all three); `?` in an answer is a refusal
+(suite alone). Where they differ the driver copes with both, and the run's log says which was met:
 
-* whether JOG is answered (A: all commands are, by CR LF `>` CR LF; B: JOG and SGO are not). So each
-  command asks for the position in the same exchange, and that is what has to be answered;
-* what MCO answers for a movement that is over (B: 1, C: 0). It is not asked: an axis has arrived
-  when its encoder stands where it should for 0.5 s;
-* what moves to an angle (B: MOV, and RMO by an angle; C: P). `moves_by` names it; RMO, by default,
-  is the same for a position that goes from 0 deg to 360 deg and for one that counts turns;
-* whether rates are in deg/s (B, and A's limits) or in deg/min (a remark in A): `rates_by`. A rate
-  counts only where the encoder goes at it, so that a wrong unit ends the run.
+* whether JOG is answered (panel: every command is, by CR LF `>` CR LF; sweep: JOG and SGO are not).
+  So each command asks for the position in the same exchange, and that has to be answered;
+* what MCO answers for a movement that is over (sweep: 1, suite: 0). It is not asked: an axis has
+  arrived when its encoder stands where it should for 0.5 s;
+* what moves to an angle (sweep: MOV, and RMO by an angle; suite: P). `moves_by` names it; RMO, by
+  default, means the same where positions go from 0 deg to 360 deg and where they count turns;
+* whether rates are in deg/s (sweep, and the panel's limits) or in deg/min (a remark in the panel):
+  `rates_by`. A rate counts only where the encoder goes at it, so that a wrong unit ends the run.
 
 Assumed, because no document at hand says so: that a table with several axes has one line, on which
 a word before the command names the axis (`prefixes`, 1, 2, 3); the driver stops all axes when one
@@ -21,25 +23,22 @@ fraction. That VEL and ACL limit movements, and STO brakes with ACL; the rate of
 the driver alone. That HOM ends at zero. That nothing of this outlasts a power-on, as SAV, which
 stores it, is never sent. No question of identity, of an error or of an interlock is documented: the
 table names no serial number, and of an emergency stop it tells by a motor that is off (SRV?).
-Positive rates are clockwise from above (A, B); a commissioning shows the sense of each axis.
+Positive rates are clockwise from above (panel, sweep); a commissioning shows each axis' sense.
 
 Commands and their sources:
-    CR, LF - CR ends a command (C; B sends LF, too) - B, C - confirmed
-    > - the prompt behind every answer - A, B, C - confirmed
-    ? - in an answer, a refusal - C - not confirmed
-    STO - stop - A, B, C - confirmed
-    HOM - search for the encoder's zero - A, B, C - confirmed
-    JOG10 - turn at a rate, clockwise positive - A, B - confirmed
-    ACL50 - acceleration, deg/s^2 - A, B - confirmed
-    PPO - angle of the encoder, deg - B, C - confirmed
-    PVE - measured rate - B - not confirmed
-    VEL110 - rate of a movement - B - not confirmed
-    RMO10 - move by an angle - B - not confirmed
-    MOV10 - move to an angle - B - not confirmed
-    P10 - move to an angle - C - not confirmed
-    SRV1 - motor on - A - not confirmed
-    SRV? - whether the motor is on - A, which asks by `?` behind the mnemonic - not confirmed
-    ACL?, VEL? - what is set - A, in the same way - not confirmed
+    STO - stop - panel, sweep, suite - confirmed
+    HOM - search for the encoder's zero - panel, sweep, suite - confirmed
+    JOG10 - turn at a rate, clockwise positive - panel, sweep - confirmed
+    ACL50 - acceleration, deg/s^2 - panel, sweep - confirmed
+    PPO - angle of the encoder, deg - sweep, suite - confirmed
+    PVE - measured rate - sweep - not confirmed
+    VEL110 - rate of a movement - sweep - not confirmed
+    RMO10 - move by an angle - sweep - not confirmed
+    MOV10 - move to an angle - sweep - not confirmed
+    P10 - move to an angle - suite - not confirmed
+    SRV1 - motor on - panel - not confirmed
+    SRV? - whether the motor is on - panel, which asks by `?` behind the mnemonic - not confirmed
+    ACL?, VEL? - what is set - panel, in the same way - not confirmed
     IDN? - nothing that a table knows; that no number comes shows the line in step - no source -
         not confirmed
     1PPO - the axis before the command - no source - not confirmed
@@ -54,6 +53,7 @@ from drivers.generic.turntable import AxesTurntable
 from drivers.ideal_aerosmith.axes import AGREES, AtlSettings, AtlTable
 from drivers.ideal_aerosmith.line import (
     IDENTITY_QUESTION,
+    NUMBER,
     POSITION,
     REFUSAL,
     AtlLine,
@@ -102,15 +102,26 @@ class IdealAerosmithTable(AxesTurntable):
 
         Raises AnotherInstrument for what names itself otherwise or has no position.
         """
+        for n in self._table.axes:
+            self._need_position(n)
         answer = self._line.query(IDENTITY_QUESTION)
         named = [part.strip() for part in answer.split(",")]
         if not REFUSAL.search(answer) and "aerosmith" not in answer.lower():
             raise not_this_model(self.place.name, f"asked {IDENTITY_QUESTION}", answer)
-        for n in self._table.axes:
-            self._line.value(n, POSITION)
         if len(named) < 3 or REFUSAL.search(answer):
             return Identity(MAKER, MODEL, UNTOLD, UNTOLD)
         return Identity(MAKER, named[1], named[2], ",".join(named[3:]))
+
+    def _need_position(self, n: int) -> None:
+        message = self._line.of_axis(n, POSITION)
+        answer = self._line.query(message)
+        if NUMBER.fullmatch(answer):
+            return
+        attempted = f"asked {message} for the angle of axis {n}"
+        if REFUSAL.search(answer):
+            do_now = "compare settings.axes and settings.prefixes with the table's manual"
+            raise self.error(attempted, f"{answer!r} came back", do_now)
+        raise not_this_model(self.place.name, attempted, answer)
 
     def programme_limits(self) -> None:
         """Write acceleration and rate of movements into the controller, and read them back.
@@ -177,16 +188,14 @@ class IdealAerosmithTable(AxesTurntable):
         return SafetyReading(still, f"{'at rest' if still else 'turning'}: {'; '.join(axes)}")
 
     def open_contacts(self) -> tuple[str, ...]:
-        """Return the motors of homed axes that are off: by an emergency stop, the panel or a trip.
+        """Return the motors that are off since `home`: by an emergency stop, the panel or a trip.
 
         Of an axis that nobody has homed nothing is known. Raises InstrumentError where the
         firmware does not tell of motors: then no contact can be read here.
         """
         table = self._table
         opened = [
-            f"motor {n}"
-            for n, state in table.axes.items()
-            if table.motor_on(n) is False and state.homed
+            f"motor {n}" for n in table.axes if table.motor_on(n) is False and n in table.held
         ]
         if not table.tells_motor:
             raise InstrumentError(

@@ -59,6 +59,8 @@ class Axis:
         rotation: RotationHistory | None,
         rng: np.random.Generator,
         now: Callable[[], float],
+        *,
+        motor_on: bool,
     ) -> None:
         self._table, self.encoder, self._rng, self._now = table, encoder, rng, now
         self.rotation = rotation if rotation is not None else RotationHistory(encoder.start_deg)
@@ -68,7 +70,7 @@ class Axis:
         self.velocity = table.largest_rate / 2
         self.acceleration = table.largest_acceleration / 2
         self.pressed = self.falls_behind = self.stuck = False
-        self._motor_s = math.inf
+        self._motor_s = now() if motor_on else math.inf
         self._planned_s = -math.inf
         self._trips_s = math.inf
         self._zero_s: float | None = None
@@ -77,10 +79,12 @@ class Axis:
         """Let happen what has become due: a trip, the end of a search for the encoder's zero."""
         now_s = self._now()
         if now_s >= self._trips_s:
-            self.switch_off()
+            self._trip(self._trips_s)
         if self._zero_s is not None and now_s >= self._zero_s:
-            self._zero_s, self.encoder.lost_deg = None, 0.0
-            self._plan.put(now_s, self.encoder.reads(self._true_deg()))
+            zero_s, self._zero_s, self.encoder.lost_deg = self._zero_s, None, 0.0
+            true_deg, _ = self.rotation.now_at(zero_s)
+            self._plan.put(zero_s, self.encoder.reads(true_deg))
+            self._planned_s = -math.inf
 
     @property
     def motor_on(self) -> bool:
@@ -90,8 +94,8 @@ class Axis:
     @property
     def complete(self) -> bool:
         """Whether the profile is over and the axis stands."""
-        over_s = max(self._planned_s, self._plan.at_rest_from_s) + self._table.delay_s
-        return self._zero_s is None and self._now() >= over_s
+        over_s = max(self._planned_s, self._plan.at_rest_from_s)
+        return self._zero_s is None and self._now() >= over_s + self._table.delay_s
 
     def position_deg(self) -> float:
         """Return a reading of the encoder, turns counted."""
@@ -118,31 +122,28 @@ class Axis:
 
     def switch_off(self) -> None:
         """Brake hard and switch the motor off."""
-        brake = STOP_BRAKE * self._table.largest_acceleration
-        now_s = self._now()
-        self._trips_s, self._motor_s, self._zero_s = math.inf, math.inf, None
-        self._plan.stop(now_s, brake)
-        self.rotation.stop(now_s, brake)
+        self._trip(self._now())
 
-    def emergency(self, pressed: bool) -> None:
+    def emergency(self, time_s: float, pressed: bool) -> None:
         """Have the emergency stop pressed, or let go; the motor stays off."""
         self.pressed = pressed
         if pressed:
-            self.switch_off()
+            self._trip(time_s)
 
-    def fall_behind(self) -> None:
-        """Fall behind the profile, from now on or in the movement that comes next."""
+    def fall_behind(self, time_s: float) -> None:
+        """Fall behind the profile, from a time on or in the movement that comes next."""
         self.falls_behind = True
-        if self.motor_on and self._now() < self._plan.at_rest_from_s:
-            self.switch_off()
+        if self._motor_s <= time_s < self._plan.at_rest_from_s:
+            self._trip(time_s)
 
-    def stick(self, stuck: bool) -> None:
+    def stick(self, time_s: float, stuck: bool) -> None:
         """Be blocked where it stands, or be free again and stay there."""
-        self.stuck, now_s = stuck, self._now()
+        self.stuck = stuck
         if stuck:
-            self.rotation.halt(now_s)
+            self._zero_s = None
+            self.rotation.halt(time_s)
         else:
-            self._plan.put(now_s, self.encoder.reads(self._true_deg()))
+            self._plan.put(time_s, self.encoder.reads(self.rotation.now_at(time_s)[0]))
 
     def turn_at(self, rate: float) -> None:
         """Turn at a rate until told otherwise."""
@@ -215,15 +216,17 @@ class Axis:
         self._look_ahead(moves)
 
     def _look_ahead(self, moves: bool) -> None:
-        """Find what will end this movement: an end stop's switch, or a fault."""
+        """Find what ends this movement if nothing does before: an end stop's switch, a fault."""
         now_s = self._now()
         ends_s = too_far_from_s(self._plan, now_s, self.encoder.low_deg, self.encoder.high_deg)
         falls_s = now_s + FALLS_BEHIND_AFTER_S if self.falls_behind and moves else math.inf
         self._trips_s = min(ends_s, falls_s)
-        if math.isfinite(self._trips_s):
-            brake = STOP_BRAKE * self._table.largest_acceleration
-            self._plan.stop(self._trips_s, brake)
-            self.rotation.stop(self._trips_s, brake)
+
+    def _trip(self, time_s: float) -> None:
+        self._trips_s, self._motor_s, self._zero_s = math.inf, math.inf, None
+        brake = STOP_BRAKE * self._table.largest_acceleration
+        self._plan.stop(time_s, brake)
+        self.rotation.stop(time_s, brake)
 
     def _plan_deg(self) -> float:
         return self._plan.now_at(self._now())[0]

@@ -51,7 +51,8 @@ class Forms:
     * `settings_asked`: false where nothing can be asked with `?` behind the mnemonic;
     * `whole_rates`: true where JOG takes whole numbers alone;
     * `echoes`: true where a command is said again before its answer;
-    * `unknown`: mnemonics that the firmware does not have, with blanks between.
+    * `unknown`: mnemonics that the firmware does not have, with blanks between; without SRV motors
+      are on.
     """
 
     def __init__(self, truth: Truth) -> None:
@@ -85,7 +86,6 @@ class IdealAerosmithTable(LineInstrument):
     """
 
     model = "Ideal Aerosmith rate table"
-    protocol = "atl"
     line_end = b"\r"
     lasting_faults: ClassVar = (FollowingError.kind, Stuck.kind, EmergencyStop.kind)
 
@@ -93,6 +93,7 @@ class IdealAerosmithTable(LineInstrument):
         truth, clock = setting.truth, setting.clock
         self._forms = Forms(truth)
         data, world = TableData(truth), setting.world.find(Table)
+        idle_on = "SRV" in self._forms.unknown
         self.axes: dict[int, Axis] = {}
         for n in range(1, 4):
             if f"axis_{n}" not in truth:
@@ -100,7 +101,7 @@ class IdealAerosmithTable(LineInstrument):
             encoder = Encoder(truth.section(f"axis_{n}"))
             rotation = world.axis(n) if world is not None else None
             rng = generator(int(setting.rng.integers(2**32)), f"axis {n}")
-            self.axes[n] = Axis(data, encoder, rotation, rng, clock.now)
+            self.axes[n] = Axis(data, encoder, rotation, rng, clock.now, motor_on=idle_on)
         if not self.axes:
             raise SimulationError(f"{truth.where}: 'axis_1' is missing; a table has an axis")
         self._largest = data
@@ -113,6 +114,8 @@ class IdealAerosmithTable(LineInstrument):
 
     def energised(self) -> bool:
         """Return whether an axis turns."""
+        for axis in self.axes.values():
+            axis.catch_up()
         return any(axis.turns() for axis in self.axes.values())
 
     def knows(self, command: str) -> bool:
@@ -179,7 +182,7 @@ class IdealAerosmithTable(LineInstrument):
             "ACL": value(self._setter("acceleration", largest.largest_acceleration, 1.0)),
             "VEL": value(self._setter("velocity", largest.largest_rate, forms.per_s)),
             "PPO": asked(self._position),
-            "PVE": asked(lambda axis: f"{forms.per_s * axis.rate_deg_per_s():.5f}"),
+            "PVE": asked(lambda axis: f"{forms.per_s * axis.rate_deg_per_s():.6f}"),
             "STA": asked(self._status),
             "MCO": lambda axis, tolerance: str(int(axis.complete == forms.complete)),
         }
@@ -214,7 +217,7 @@ class IdealAerosmithTable(LineInstrument):
     def _position(self, axis: Axis) -> str:
         reading_deg = axis.position_deg()
         wraps = self._forms.wraps and axis.encoder.continuous
-        return f"{reading_deg % 360.0 if wraps else reading_deg:.5f}"
+        return f"{reading_deg % 360.0 if wraps else reading_deg:.6f}"
 
     def _status(self, axis: Axis) -> str:
         flags = (axis.motor_on, axis.turns(), axis.complete, axis.pressed)
@@ -239,16 +242,16 @@ class IdealAerosmithTable(LineInstrument):
         for axis in self.axes.values():
             axis.falls_behind = False
             if fault is not None:
-                axis.fall_behind()
+                axis.fall_behind(time_s)
 
     def _sticks(self, time_s: float, fault: LastingFault | None) -> None:
         for axis in self.axes.values():
-            axis.stick(fault is not None)
+            axis.stick(time_s, fault is not None)
 
     def _emergency(self, time_s: float, fault: LastingFault | None) -> None:
         for axis in self.axes.values():
             axis.catch_up()
-            axis.emergency(fault is not None)
+            axis.emergency(time_s, fault is not None)
 
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""

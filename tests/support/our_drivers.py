@@ -311,6 +311,7 @@ CASES: dict[str, Case] = {
         lambda _, table: table.angle_deg(1),
         lambda fixture, table: stands_at_30_deg(fixture, table, 1),
         OTHER,
+        bears={"wrong-terminator": True},  # the prompt before it is what ends an answer
     ),
     "interlock-chain-line": Case(
         Identity(OURS, "interlock chain reader", "IC-0001", "1.0"),
