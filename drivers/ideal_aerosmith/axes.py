@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from drivers.generic.axes_table import MARGIN_S, AxesTable
-from drivers.generic.table_axis import MOVES, TURN_DEG, AxesSettings, AxisState, Doing
+from drivers.generic.table_axis import MAX_AXES, MOVES, TURN_DEG, AxesSettings, AxisState, Doing
 from drivers.ideal_aerosmith.line import NOBODY_ELSE, POSITION, AtlLine, RefusedByTable, number
 from station.errors import InstrumentError
 from station.fields import Degree
@@ -37,6 +37,7 @@ HOME_AGAIN = "then home the axis again"
 class AtlSettings(AxesSettings):
     """What the bench file says of a table, of its axes, and of its controller's line."""
 
+    axes: int = Field(1, ge=1, le=MAX_AXES, description="how many axes it has")
     prefixes: tuple[str, ...] | None = Field(
         None,
         description="the word before a command that names each axis; `1`, `2`, `3` unless given, "

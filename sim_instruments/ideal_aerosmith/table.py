@@ -28,6 +28,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.requests import Conversation, LineInstrument, LineServer
 from sim_instruments.world.noise import generator
+from sim_instruments.world.rotation import RotationHistory
 from sim_instruments.world.table import Table
 
 END = "\r\n>\r\n"
@@ -92,14 +93,14 @@ class IdealAerosmithTable(LineInstrument):
     def __init__(self, setting: Setting) -> None:
         truth, clock = setting.truth, setting.clock
         self._forms = Forms(truth)
-        data, world = TableData(truth), setting.world.find(Table)
+        data = TableData(truth)
         idle_on = "SRV" in self._forms.unknown
         self.axes: dict[int, Axis] = {}
         for n in range(1, 4):
             if f"axis_{n}" not in truth:
                 break
             encoder = Encoder(truth.section(f"axis_{n}"))
-            rotation = world.axis(n) if world is not None else None
+            rotation = self._rotation(setting, n)
             rng = generator(int(setting.rng.integers(2**32)), f"axis {n}")
             self.axes[n] = Axis(data, encoder, rotation, rng, clock.now, motor_on=idle_on)
         if not self.axes:
@@ -111,6 +112,11 @@ class IdealAerosmithTable(LineInstrument):
         setting.faults.when_changed(Stuck.kind, self._sticks)
         setting.faults.when_changed(EmergencyStop.kind, self._emergency)
         self.begin_to_serve(setting)
+
+    def _rotation(self, setting: Setting, n: int) -> RotationHistory | None:
+        """Return what an axis turns in the world; None for an axis of its own."""
+        world = setting.world.find(Table)
+        return world.axis(n) if world is not None else None
 
     def energised(self) -> bool:
         """Return whether an axis turns."""
@@ -256,6 +262,15 @@ class IdealAerosmithTable(LineInstrument):
     def describe(self) -> dict[str, Any]:
         """Return what `station sim` prints about this instrument."""
         return {**super().describe(), "axes": len(self.axes)}
+
+
+class IdealAerosmithStage(IdealAerosmithTable):
+    """A table whose one axis is the rotary stage of the world, or an axis of its own."""
+
+    model = "Ideal Aerosmith rate table as a stage"
+
+    def _rotation(self, setting: Setting, n: int) -> RotationHistory | None:
+        return setting.world.find(RotationHistory)
 
 
 def acts(act: Callable[[Axis], None]) -> Callable[[Axis, str | None], str]:

@@ -313,6 +313,28 @@ CASES: dict[str, Case] = {
         OTHER,
         bears={"wrong-terminator": True},  # the prompt before it is what ends an answer
     ),
+    "ideal-aerosmith-stage": Case(
+        Identity("Ideal Aerosmith", "rate table", "untold", "untold"),
+        "PPO",
+        lambda _, stage: stage.angle_deg(),
+        stands_at_30_deg,
+        name="rotary_stage",
+        entry={
+            "serial": "untold",
+            "settings": {"continuous": []},
+            "simulator": {
+                "maximum_rate": "40 deg/s",
+                "maximum_acceleration": "80 deg/s^2",
+                "rate_error": "10 ppm",
+                "rate_noise": "0.0005 deg/s",
+                "encoder_noise": "0.2 arcsec",
+                "resolution": "0.00001 deg",
+                "tracking_delay": "8 ms",
+                "axis_1": {**ENCODER, "low": "-10 deg", "high": "370 deg"},
+            },
+        },
+        bears={"wrong-terminator": True},
+    ),
     "interlock-chain-line": Case(
         Identity(OURS, "interlock chain reader", "IC-0001", "1.0"),
         "CHAIN?",
