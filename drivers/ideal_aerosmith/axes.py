@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -34,11 +34,14 @@ MOVED = (Doing.STOPPING, Doing.POSITIONING, Doing.TURNING)
 HOME_AGAIN = "then home the axis again"
 
 
+Prefix = Annotated[str, Field(max_length=4, pattern="^[!-~]*$")]
+
+
 class AtlSettings(AxesSettings):
     """What the bench file says of a table, of its axes, and of its controller's line."""
 
     axes: int = Field(1, ge=1, le=MAX_AXES, description="how many axes it has")
-    prefixes: tuple[str, ...] | None = Field(
+    prefixes: tuple[Prefix, ...] | None = Field(
         None,
         description="the word before a command that names each axis; `1`, `2`, `3` unless given, "
         "nothing where there is one axis",
@@ -49,8 +52,8 @@ class AtlSettings(AxesSettings):
     moves_by: Literal["RMO", "MOV", "P"] = Field(
         "RMO", description="the command that moves: `RMO` by an angle, `MOV` or `P` to an angle"
     )
-    longest_move_deg: Degree = Field(
-        math.inf, gt=0, description="the longest way of one command; a longer one goes in steps"
+    longest_move_deg: Degree | None = Field(
+        None, gt=0, description="the longest way of one command; a longer one goes in steps"
     )
     zero: Literal["absolute", "search"] = Field(
         "search", description="`search` where each encoder has to find its zero"
@@ -176,7 +179,7 @@ class AtlTable(AxesTable):
         """Move by what is missing to the target, or by the longest way of one command."""
         assert state.target_deg is not None
         n, here_deg = state.number, state.count.angle_deg
-        longest_deg = self.settings.longest_move_deg
+        longest_deg = self.settings.longest_move_deg or math.inf
         by_deg = max(-longest_deg, min(state.target_deg - here_deg, longest_deg))
         whole = abs(by_deg) < longest_deg
         state.step_deg = state.target_deg if whole else here_deg + by_deg

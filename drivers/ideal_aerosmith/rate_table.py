@@ -86,7 +86,7 @@ class IdealAerosmithTable(AxesTurntable):
     """Where a scan of served instruments may ask it; it knows no `*IDN?`."""
 
     repeatable: ClassVar[Repeatable] = Repeatable(
-        r"IDN\?", r"\W?\w{0,2}\W?(PPO|PVE|STO|(SRV|ACL|VEL)\?|(ACL|VEL)[\d.]+)"
+        r"IDN\?", r"[!-~]{0,4}(PPO|PVE|STO|(SRV|ACL|VEL)\?|(ACL|VEL)[\d.]+)"
     )
     """Neither what begins a movement nor what switches a motor on."""
 

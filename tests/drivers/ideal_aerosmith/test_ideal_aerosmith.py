@@ -315,6 +315,7 @@ def test_a_garbled_angle_is_no_angle(reading: str) -> None:
     [
         ({"prefixes": ["1"], "axes": 2}, "a prefix of its own"),
         ({"prefixes": ["1", "1"], "axes": 2}, "a prefix of its own"),
+        ({"prefixes": ["1\r", "2"], "axes": 2}, "prefixes"),
         ({"moves_by": "PMO"}, "moves_by"),
     ],
 )
