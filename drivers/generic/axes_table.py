@@ -81,6 +81,10 @@ class AxesTable(ABC):
         """Whether an axis turned at the last look."""
         return abs(state.rate) > self.settings.at_rest_deg_per_s
 
+    def stops_first(self, state: AxisState) -> bool:
+        """Whether an axis has to stand before it can be sent to an angle."""
+        return state.mode == "Rate" and self.is_turning(state)
+
     def quantity(self, name: str) -> float | str:
         """Return the largest rate or angle of the last look, or the motion."""
         if name != "motion":

@@ -48,7 +48,7 @@ class AxesTurntable(Driver):
         self._table.need_homed(state, attempted)
         self._table.look()
         self._table.need_turns(state)
-        if state.mode == "Rate" and self._table.is_turning(state):
+        if self._table.stops_first(state):
             self._table.set_rate(state, 0.0, Doing.STOPPING)
             state.target_deg = angle_deg
         else:

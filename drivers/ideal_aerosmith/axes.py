@@ -194,6 +194,10 @@ class AtlTable(AxesTable):
         self._begins_to_settle(n)
         self.say_motion()
 
+    def stops_first(self, state: AxisState) -> bool:
+        """Whether an axis moves: what is missing to an angle is known of one that stands alone."""
+        return state.doing is Doing.POSITIONING or self.is_turning(state)
+
     def brake(self, state: AxisState) -> None:
         """Have an axis come to rest; a table that refuses has nothing that it could stop."""
         with suppress(RefusedByTable):  # what reads back decides whether it stands
@@ -242,7 +246,8 @@ class AtlTable(AxesTable):
     def has_rate(self, state: AxisState, status: None) -> bool:
         """Whether an axis has reached the commanded rate, now or before, by its encoder, too."""
         n, now_s = state.number, self._place.clock.now()
-        agrees = self.agrees(state) and state.count.planned_rate(now_s) == state.rate_demand
+        ramped = math.isclose(state.count.planned_rate(now_s), state.rate_demand, abs_tol=1e-9)
+        agrees = ramped and self.agrees(state)
         settled = self._has_settled(n, agrees)
         if agrees and n not in self._rate_from:
             self._rate_from[n] = now_s, state.count.angle_deg

@@ -100,6 +100,21 @@ def test_each_command_that_moves_is_taken(command: str) -> None:
         assert sum(data.startswith(command.encode("ascii")) for data in sent) >= 3
 
 
+def test_an_axis_on_its_way_stops_before_it_goes_elsewhere() -> None:
+    with aerosmith_bench() as bench:
+        table = bench.homed()
+        table.move_to(1, 200.0)
+        bench.clock.sleep(1.5)
+        assert abs(table.rate_deg_per_s(1)) > 10.0
+        table.move_to(1, -20.0)
+        bench.wait(table)
+        assert table.angle_deg(1) == pytest.approx(-20.0, abs=1e-3)
+        table.move_to(1, 30.0)  # and before it has begun to move
+        table.move_to(1, -30.0)
+        bench.wait(table)
+        assert table.angle_deg(1) == pytest.approx(-30.0, abs=1e-3)
+
+
 # Limits.
 
 
