@@ -13,13 +13,15 @@ if TYPE_CHECKING:
 
 PLACES = "places"
 """The setting of a driver that reads several."""
+EVERY_S = 60.0
+"""Run time from one reading to the next: temperatures in a chamber take minutes."""
 
 
 class PlaceReadings:
     """A thermometer with places that is read beside what a run records, where the bench has one."""
 
-    def __init__(self, run: Run, every_s: float) -> None:
-        self._run, self._every_s = run, every_s
+    def __init__(self, run: Run) -> None:
+        self._run = run
         self._thermometer = run.optional(THERMOMETER, Thermometer, PLACES)
         self._due_s, self._reads = run.now_s, False
 
@@ -34,6 +36,6 @@ class PlaceReadings:
                 keep(self._run, unit, thermometer, block)
             self._reads = block is None
         elif now_s >= self._due_s:
-            self._due_s = now_s + self._every_s
+            self._due_s = now_s + EVERY_S
             thermometer.start(1)
             self._reads = True

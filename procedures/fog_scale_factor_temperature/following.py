@@ -56,7 +56,7 @@ class Following:
         """Of the navigator, None where it gives none."""
         self._unit = ""
         self._chamber_due_s = self._due_s = run.now_s
-        self._places = PlaceReadings(run, CHAMBER_EVERY_S)
+        self._places = PlaceReadings(run)
 
     @property
     def rates(self) -> Rates:

@@ -150,7 +150,7 @@ class Climate:
         """Counted through all processes of the run: each switches the gyro on, or finds it on."""
         self._run, self._parameters = run, parameters
         self._pulses: NeedsChanges | None = None
-        self._places = PlaceReadings(run, parameters.chamber_interval_s)
+        self._places = PlaceReadings(run)
         self._due_s = run.now_s
 
     @property

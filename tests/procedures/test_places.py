@@ -1,0 +1,238 @@
+"""The places of a thermometer: what their spread over the device does to a budget, and to a run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fog_runs import short_run
+from plan_runs import run_of, shipped_bench, shipped_plan
+
+from procedures.common.places import (
+    GRADIENT,
+    AtPlaces,
+    at_places,
+    gradient_inputs,
+    table_of,
+    widest,
+    with_gradient,
+)
+from procedures.gyro_bias_temperature import dataset as of_gyro
+from station.findings import Estimate
+from station.method.dry_run import DryRun
+from station.procedure import procedure_of
+from station.record.folder import RunFolder
+from station.results import Result
+from station.runner.evaluation import evaluate_run
+from station.runner.outcome import Outcome
+from station.uncertainty import combine
+
+GYRO, FOG = "gyro-bias-temperature", "fog-scale-factor-temperature"
+THERMOMETER, FAR = "thermometer", "device_far_temperature_degC"
+SHORT = {
+    "soaks": ["10 degC", "20 degC", "30 degC"],
+    "soak": "40 min",
+    "warm_up": "20 min",
+    "ramp_down": "1 degC/min",
+}
+SPREAD_K = 0.8
+
+
+def rows_of(**degC: float) -> np.ndarray:
+    names = [f"{place}_temperature_degC" for place in degC]
+    names[0] = "temperature_degC"
+    rows = np.zeros(4, dtype=[(name, np.float64) for name in [*names, "arrival_time_s"]])
+    for name, value in zip(names, degC.values(), strict=True):
+        rows[name] = value + np.array([-0.1, 0.1, -0.1, 0.1])
+    return rows
+
+
+def test_the_spread_is_that_of_the_farthest_place_at_the_device() -> None:
+    rows = rows_of(device=20.0, device_far=20.2, device_top=19.5, chamber=30.0)
+    reading = at_places("soak 1", rows, lambda degC: degC + 1.0)
+    assert reading.temperature_degC == pytest.approx(
+        {"device": 21.0, "device_far": 21.2, "device_top": 20.5, "chamber": 31.0}
+    )
+    assert reading.spread_degC == pytest.approx(0.5)
+    near = AtPlaces("soak 2", {"device": 20.0, "device_far": 20.1, "chamber": 0.0})
+    assert widest([near, reading, near]) is reading
+    (given,) = gradient_inputs([near, reading])
+    assert (given.name, given.distribution) == (GRADIENT, "uniform")
+    assert given.standard_uncertainty == pytest.approx(0.5 / math.sqrt(3.0))
+
+
+def test_a_single_place_at_the_device_says_nothing_of_a_spread() -> None:
+    alone = AtPlaces("soak 1", {"device": 20.0, "chamber": 25.0})
+    assert alone.spread_degC is None and widest([alone]) is None
+    assert list(gradient_inputs([alone])) == [] == list(gradient_inputs([]))
+    (table,) = table_of([alone])
+    assert table.rows == [["soak 1", "20.000", "25.000", ""]]
+    assert list(table_of([])) == []
+
+
+def test_a_result_depends_on_the_spread_as_on_an_offset_of_the_thermometer() -> None:
+    far = AtPlaces("soak 1", {"device": 20.0, "device_far": 20.6})
+    inputs = list(gradient_inputs([far]))
+    bias = Estimate("bias", "X", 1.0, "deg/h", 0.1, None, "weighted", {"thermometer_degC": -0.5})
+    lag = Estimate("lag", "X", 1.0, "s", 0.1, None, "weighted", {})
+    own, other = with_gradient([bias, lag], inputs, "thermometer_degC")
+    (whole,) = combine([own], inputs)
+    assert whole is not None and other is lag
+    wanted = math.hypot(0.1, 0.5 * 0.6 / math.sqrt(3.0))
+    assert whole.standard_uncertainty == pytest.approx(wanted)
+    assert with_gradient([bias, lag], [], "thermometer_degC") == [bias, lag]
+
+
+@pytest.mark.parametrize("name", [GYRO, FOG])
+def test_a_bench_without_places_is_asked_for_no_thermometer(name: str) -> None:
+    procedure = procedure_of(name)
+    parameters = procedure.parameters.model_validate(shipped_plan(name)["parameters"])
+    walk = DryRun(parameters).walk(procedure.steps)
+    assert THERMOMETER not in walk.instruments
+    assert walk.optional == ((THERMOMETER, "places"),)
+
+
+def bench_with(spread_K: float) -> dict[str, Any]:
+    bench = shipped_bench("sim-alternate")
+    bench["simulation"]["gyro"]["switch_on_scatter"] = "0 deg/h"
+    bench["simulation"]["gradient"] = {"device": f"{spread_K} K", "chamber": "0.6 K"}
+    # Each sensor is what the bench file says of it, and the meter has no noise.
+    own = bench["instruments"][THERMOMETER]
+    own["settings"]["places"] = {
+        "device": {"channel": 101, "r0": "100.01 ohm"},
+        "device_far": {"channel": 102, "r0": "100.005 ohm"},
+        "chamber": {"channel": 103, "r0": "99.99 ohm"},
+    }
+    return bench
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    plan = shipped_plan(GYRO)
+    plan["parameters"] |= SHORT
+    plan["limits"] = {}
+    return run_of(tmp_path_factory.mktemp("places"), plan, bench_with(SPREAD_K))
+
+
+def bias_of(folder: RunFolder) -> Result:
+    document, _ = evaluate_run(folder)
+    return document.result("bias", "IA")
+
+
+def line_of(result: Result) -> dict[str, Any]:
+    return next(one for one in result.to_data()["budget"] if one["quantity"] == GRADIENT)
+
+
+def test_u_of_a_run_grows_by_the_gradient_of_its_world(outcome: Outcome) -> None:
+    assert outcome.exit_code == 0, outcome.error
+    folder = RunFolder(outcome.folder)
+    result = bias_of(folder).to_data()
+    line = next(one for one in result["budget"] if one["quantity"] == GRADIENT)
+    assert line["standard_uncertainty"] == pytest.approx(SPREAD_K / math.sqrt(3.0), rel=0.01)
+    offset = next(one for one in result["budget"] if one["quantity"] == "thermometer_degC")
+    assert line["sensitivity"] == offset["sensitivity"] != 0.0
+    others = [one["contribution"] for one in result["budget"] if one is not line]
+    grown = abs(line["sensitivity"]) * SPREAD_K / math.sqrt(3.0)
+    assert result["standard_uncertainty"] == pytest.approx(math.hypot(*others, grown), rel=1e-3)
+
+
+def test_all_places_are_recorded_and_stand_in_the_report(outcome: Outcome) -> None:
+    folder = RunFolder(outcome.folder)
+    _, findings = evaluate_run(folder)
+    (table,) = [
+        part
+        for part in procedure_of(GYRO).report(findings, evaluate_run(folder)[0])
+        if part.title == "Temperatures by place"
+    ]
+    assert [row[0] for row in table.rows] == [f"soak {number}" for number in range(1, 5)]
+    for row, air_degC in zip(table.rows, (10.0, 20.0, 30.0, 22.0), strict=True):
+        read = dict(zip(table.columns, row, strict=True))
+        device, far, air = (
+            float(read[f"{place}, degC"]) for place in ("device", "device_far", "chamber")
+        )
+        assert far - device == pytest.approx(SPREAD_K, abs=0.02)
+        assert float(read["spread over the device, degC"]) == pytest.approx(far - device, abs=2e-3)
+        assert air == pytest.approx(air_degC + 0.3, abs=0.4)
+    rows = folder.rows(THERMOMETER, "soak 2")
+    # Every minute, and what is begun is fetched at the next look.
+    assert 0.8 * 40 < len(rows) <= 41
+
+
+class Shifted(RunFolder):
+    """A folder one column of whose raw data reads otherwise."""
+
+    def __init__(self, path: Path, source: str, column: str, by: float) -> None:
+        super().__init__(path)
+        self._of, self._column, self._by = source, column, by
+
+    def rows(self, source: str, unit: str) -> Any:
+        rows = super().rows(source, unit)
+        if source == self._of:
+            rows = rows.copy()
+            rows[self._column] += self._by
+        return rows
+
+
+def test_raw_data_that_are_moved_move_result_and_u_as_is_declared(outcome: Outcome) -> None:
+    before = bias_of(RunFolder(outcome.folder))
+    slope = line_of(before)["sensitivity"]
+    # The far place: the input alone.
+    further = bias_of(Shifted(outcome.folder, THERMOMETER, FAR, 0.5))
+    assert further.estimate.value == before.estimate.value
+    more = line_of(further)["contribution"] - line_of(before)["contribution"]
+    assert more == pytest.approx(abs(slope) * 0.5 / math.sqrt(3.0), rel=1e-3)
+    # What the device's thermometer reads, by the same slope, moves the bias at a temperature.
+    by_degC = 0.2
+    warmer = bias_of(Shifted(outcome.folder, "gyro_acquisition", "temperature_degC", by_degC))
+    assert warmer.estimate.value is not None and before.estimate.value is not None
+    moved = warmer.estimate.value - before.estimate.value
+    assert abs(moved) == pytest.approx(abs(slope) * by_degC, rel=0.1)
+
+
+def test_a_record_without_its_places_has_the_results_that_it_had(
+    outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_places = bias_of(RunFolder(outcome.folder)).to_data()
+    monkeypatch.setattr(of_gyro, "recorded_rows", lambda folder, unit: None)
+    without = bias_of(RunFolder(outcome.folder)).to_data()
+    assert with_places["value"] == without["value"]
+    lines = [one["quantity"] for one in with_places["budget"] if one["quantity"] != GRADIENT]
+    assert [one["quantity"] for one in without["budget"]] == lines
+    assert without["standard_uncertainty"] < with_places["standard_uncertainty"]
+
+
+def test_a_stage_has_the_scanner_as_its_thermometer(tmp_path: Path) -> None:
+    plan, bench = shipped_plan("accelerometer-tumble"), shipped_bench()
+    plan["parameters"] |= {"mountings": ["io"], "positions": 8, "warm_up": "30 min"}
+    plan["limits"] = {}
+    scanner = bench_with(SPREAD_K)
+    bench["instruments"][THERMOMETER] = scanner["instruments"][THERMOMETER]
+    bench["simulation"]["gradient"] = scanner["simulation"]["gradient"]
+    outcome = run_of(tmp_path, plan, bench)
+    assert outcome.exit_code == 0, outcome.error
+    document, findings = evaluate_run(RunFolder(outcome.folder))
+    budgets = [one.to_data().get("budget", []) for one in document.results]
+    by_quantity = [{line["quantity"]: line for line in budget} for budget in budgets]
+    (lines, *_) = [lines for lines in by_quantity if GRADIENT in lines]
+    own = lines[GRADIENT]
+    assert own["standard_uncertainty"] == pytest.approx(SPREAD_K / math.sqrt(3.0), rel=0.02)
+    assert own["sensitivity"] == lines["thermometer_degC"]["sensitivity"] != 0.0
+    parts = procedure_of("accelerometer-tumble").report(findings, document)
+    assert "Temperatures by place" in [part.title for part in parts]
+
+
+@pytest.mark.campaign
+def test_the_scale_factor_over_temperature_has_the_spread_in_its_budget(tmp_path: Path) -> None:
+    outcome, _ = short_run(tmp_path, 3, bench_name="sim-alternate")
+    assert outcome.exit_code == 0, outcome.error
+    document, findings = evaluate_run(RunFolder(outcome.folder))
+    spread_K = widest(findings.detail.dataset.places).spread_degC
+    assert spread_K == pytest.approx(0.25, abs=0.05)
+    for axis in "xyz":
+        budget = document.result("scale_factor_error", axis).to_data()["budget"]
+        (own,) = [one for one in budget if one["quantity"] == GRADIENT]
+        assert own["standard_uncertainty"] == pytest.approx(spread_K / math.sqrt(3.0))
+        assert own["sensitivity"] != 0.0
