@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from campaigns.planted.commissioning import named, plants_of
 from commissioning_parts import plan_of
+from our_drivers import bench_from
 from plan_runs import run_of, shipped_bench
-from short_forms import read_bench_at
 
 from procedures.commissioning.pick_up import PART, PickUpDataset, PickUpReadings, analyse
-from station.files.lookup import BENCHES, find
 
 
 def short_plan() -> dict[str, Any]:
@@ -49,8 +48,11 @@ def test_pick_up_is_named_with_its_size(tmp_path: Path, seed: int) -> None:
 
 
 def test_a_bench_without_a_voltmeter_has_no_such_part() -> None:
-    assert PART.is_possible(read_bench_at(find(BENCHES, "sim")))
-    assert not PART.is_possible(read_bench_at(find(BENCHES, "sim-alternate")))
+    for name in ("sim", "sim-alternate"):
+        bench = shipped_bench(name)
+        assert PART.is_possible(bench_from(bench))
+        del bench["instruments"]["multimeter"]
+        assert not PART.is_possible(bench_from(bench))
 
 
 def test_a_line_that_is_there_without_a_drive_is_not_the_coils() -> None:
