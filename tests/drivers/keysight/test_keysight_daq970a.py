@@ -124,6 +124,15 @@ def test_what_it_met_is_put_back_and_others_channels_are_left_alone() -> None:
         assert panel("SYST:ERR?") == '+0,"No error"'
 
 
+def test_a_scanner_that_nobody_set_up_is_left_without_a_scan_list() -> None:
+    with scanner() as (here, opened):
+        assert len(burst(here, opened, 1)) == 1
+        opened.kept.put_back()
+        assert here.at_its_front_panel("ROUT:SCAN?;:FORM:READ:CHAN?;:CONF? (@101)") == (
+            '#13(@);0;"VOLT +3.000000E+02,+9.000000E-05"'
+        )
+
+
 def test_a_scan_of_somebody_else_is_ended() -> None:
     with scanner() as (here, opened):
         here.at_its_front_panel("CONF:FRES (@101:105);:TRIG:COUN INF;:INIT")
