@@ -2,21 +2,23 @@
 
 From its manual: the mnemonics and their parameters, `+nnn.nnnE+nn`, the identity, commands chained
 with `;`, `?` alone for the last query again, zero as the minimum of `RDGMNMX?`, `*RST` for the
-settings at power-up and `DFLT` for the maker's, and that it must be left alone for 30 ms after a
-line, else "intermittent failures" follow (p.50). From public clients: the ranges 35 G to 35 kG, the
-bits of `OPST?`, and that the maker's own client does not pause and works all the same: of the lines
-that come sooner one in four is lost here, by the instrument's own chance. Assumed, since no source at hand
-says it: answers to chained queries are joined by `;`; a reading is the mean of the last whole
-0.1 s; beyond its range it reads 999.999E+09; autorange takes the lowest range that holds the last
-reading; what it does not know or like it passes over in silence. An alarm does not sound here,
-zeroing takes no time, and the relay is left out.
+settings at power-up and `DFLT` for the maker's, the seven fields of ALARM (p. 52: on, magnitude or
+algebraic, low, high, outside or inside, sort, audible), the relay that follows it (p. 56), and
+that it must be left alone for 30 ms after a line, else "intermittent failures" follow (p.50). From
+public clients: the ranges 35 G to 35 kG, the bits of `OPST?`, and that the maker's own client does
+not pause and works all the same: of the lines that come sooner one in four is lost here, by the
+instrument's own chance. Assumed, since no source at hand says it: answers to chained queries are
+joined by `;`; a reading is the mean of the last whole 0.1 s; beyond its range it reads 999.999E+09;
+autorange takes the lowest range that holds the last reading; what it does not know or like it
+passes over in silence; an alarm that is given the first five fields alone, as some clients send it,
+keeps the others. An alarm does not sound here, and zeroing takes no time.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -36,8 +38,32 @@ PER_MT = {1: 10.0, 2: 1e-3, 3: 10.0, 4: 1e-3 / (4e-7 * np.pi)}
 """Gauss, tesla, oersted (in air), ampere per metre."""
 OVERLOAD = 999.999e9
 NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([Ee][+-]?\d+)?")
-ALARM = re.compile(r"[01],[12],[^,]+,[^,]+,[0-2]")
+ALARM = re.compile(r"([01]),([12]),([^,]+),([^,]+),([12])(?:,([01]),([01]))?")
+LARGEST_ALARM_MT = 35_000.0
+RELAY = re.compile(r"([012]),([123])")
+LOW, HIGH, ALARM_BIT = 1, 2, 8
 MODE = re.compile(r"([12]),([01]),([12])")
+
+
+class Alarm(NamedTuple):
+    """What the reading is held against, and how."""
+
+    on: bool = False
+    algebraic: bool = False
+    low_mT: float = 0.0
+    high_mT: float = 0.0
+    inside: bool = False
+    sorts: str = "0"
+    audible: str = "0"
+
+    def state(self, field_mT: float) -> int:
+        """Return which alarms are on: 1 the low one, 2 the high one, 3 both."""
+        if not self.on:
+            return 0
+        value = field_mT if self.algebraic else abs(field_mT)
+        if self.inside:
+            return LOW | HIGH if self.low_mT < value < self.high_mT else 0
+        return (LOW if value < self.low_mT else 0) | (HIGH if value > self.high_mT else 0)
 
 
 class Lakeshore425(LineInstrument):
@@ -85,7 +111,9 @@ class Lakeshore425(LineInstrument):
             "RDGREL?": lambda: self._shown(self._read_mT() - self._relative_mT),
             "REL?": lambda: str(int(self._relative)),
             "RELSP?": lambda: self._shown(self._relative_mT),
-            "ALARM?": lambda: self._alarm,
+            "ALARM?": self._shown_alarm,
+            "RELAY?": lambda: f"{self._relay},{self._relay_alarm}",
+            "RELAYST?": lambda: str(int(self._relay_is_on())),
         }
         self.begin_to_serve(setting)
 
@@ -95,11 +123,8 @@ class Lakeshore425(LineInstrument):
 
     def _restore(self) -> None:
         self._unit, self._range, self._auto, self._mode = 1, 4, True, "1,1,1"
-        self._relative, self._relative_mT, self._alarm = (
-            False,
-            0.0,
-            "0,2,+000.000E+00,+000.000E+00,0",
-        )
+        self._relative, self._relative_mT, self._alarm = False, 0.0, Alarm()
+        self._relay, self._relay_alarm = 0, 3
 
     def _line(self, line: bytes) -> bytes:
         now_s = self._clock.now()
@@ -137,8 +162,10 @@ class Lakeshore425(LineInstrument):
             self._relative_mT = self._read_mT() if self._relative else self._relative_mT
         elif name == "RELSP" and NUMBER.fullmatch(parameter):
             self._relative_mT = float(parameter) / PER_MT[self._unit]
-        elif name == "ALARM" and ALARM.fullmatch(parameter):
-            self._alarm = parameter
+        elif name == "ALARM":
+            self._set_alarm(parameter.replace(" ", ""))
+        elif name == "RELAY" and (relay := RELAY.fullmatch(parameter.replace(" ", ""))):
+            self._relay, self._relay_alarm = int(relay[1]), int(relay[2])
         elif name == "ZPROBE":
             self._zero_now_mT, self._zeroed = self._zero_now_mT + self._read_mT(), True
         elif name == "ZCLEAR":
@@ -166,10 +193,38 @@ class Lakeshore425(LineInstrument):
         self._largest_mT = max(self._largest_mT, abs(self._reading_mT))
         return self._reading_mT
 
+    def _set_alarm(self, parameter: str) -> None:
+        given = ALARM.fullmatch(parameter)
+        if given is None or not all(NUMBER.fullmatch(text) for text in given.group(3, 4)):
+            return
+        low_mT, high_mT = (float(text) / PER_MT[self._unit] for text in given.group(3, 4))
+        if max(abs(low_mT), abs(high_mT)) > LARGEST_ALARM_MT:
+            return
+        inside, algebraic = given[5] == "2", given[2] == "2"
+        sorts, audible = given[6] or self._alarm.sorts, given[7] or self._alarm.audible
+        self._alarm = Alarm(given[1] == "1", algebraic, low_mT, high_mT, inside, sorts, audible)
+
+    def _shown_alarm(self) -> str:
+        alarm = self._alarm
+        levels = f"{self._shown(alarm.low_mT)},{self._shown(alarm.high_mT)}"
+        return (
+            f"{alarm.on:d},{alarm.algebraic + 1:d},{levels},{alarm.inside + 1:d},"
+            f"{alarm.sorts},{alarm.audible}"
+        )
+
+    def _alarm_state(self) -> int:
+        return self._alarm.state(self._read_mT())
+
+    def _relay_is_on(self) -> bool:
+        return self._relay == 1 or (
+            self._relay == 2 and bool(self._alarm_state() & self._relay_alarm)
+        )
+
     def _operation_status(self) -> str:
-        """Return bit 1 overload, bit 2 a new reading since the last question, bit 7 zeroed."""
+        """Return bit 1 overload, 2 a new reading since the last question, 3 alarm, 7 zeroed."""
         overload = not np.isfinite(self._read_mT())
         status = 2 * overload + 4 * self._new + 128 * self._zeroed
+        status += ALARM_BIT * bool(self._alarm_state())
         self._new = self._zeroed = False
         return f"{status:03d}"
 

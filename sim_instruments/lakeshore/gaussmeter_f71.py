@@ -6,7 +6,10 @@ or without FIELd. Assumed, since no source at hand says it: readings are block a
 the END of their window, `FETCh:DC? ALL` gives magnitude, x, y, z in the order of the buffer, the
 buffer holds 1000 records and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT,
 350 mT and 3.5 T, which settings outlast `*RST`: none. What of a field has no meaning in DC mode,
-its rms and its frequency, is refused with -221 there; the modes AC and HIFR have no readings here.
+its rms and its frequency, is refused with -221 there, as its DC value is in the other modes. In AC
+mode (0.1 to 500 Hz) the rms is that of the last 10 s about their mean, and the frequency that of
+the axis which alternates most, 0 where there is nothing but noise; in HIFR mode (50 Hz to 100 kHz)
+the worlds have nothing that fast, and noise is read. The window is assumed.
 """
 
 from __future__ import annotations
@@ -24,7 +27,6 @@ from sim_instruments.wire.scpi import (
     ScpiError,
     boolean,
     choice,
-    none,
     number,
     single_parameter,
     whole_number,
@@ -45,6 +47,13 @@ OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
 KEPT: KeptTable = {"SENSe:TCOMpensation:TSOURce": (word("PROBE", "MTEMP", "NONE"), "PROBE")}
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+EVERY = 4
+FETCHED = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": EVERY}
+ALTERNATES_S, SAMPLE_S = 10.0, 1e-3
+NOTHING_BUT_NOISE = 3.0
+"""Below so many times the noise, no frequency is given."""
 
 
 class FinishedReadings(NamedTuple):
@@ -128,8 +137,8 @@ class LakeshoreF71(ScpiDevice):
                 "FETCh[:SCALar]:DC": Listed(None, self._fetch),
                 "FETCh[:FIELd]:RELative": Listed(None, partial(self._fetch, relative=True)),
                 # Of an alternating field alone.
-                "FETCh[:FIELd]:RMS": Listed(None, self._only_alternating),
-                "FETCh[:FIELd]:FREQuency": Listed(None, self._only_alternating),
+                "FETCh[:FIELd]:RMS": Listed(None, self._rms),
+                "FETCh[:FIELd]:FREQuency?": lambda: f"{self._frequency_Hz():.6E}",
                 "FETCh[:FIELd]:MAXimum?": lambda: self._shown(self._largest_T),
                 "FETCh[:FIELd]:MINimum?": lambda: self._shown(self._least_T),
                 "FETCh:BUFFer:DC?": self._read_buffer,
@@ -148,9 +157,40 @@ class LakeshoreF71(ScpiDevice):
             }
         )
 
-    def _only_alternating(self, parameters: list[str]) -> str:
-        none(parameters)
-        raise ScpiError(-221)
+    def _alternating(self) -> tuple[Array, float]:
+        """Return what alternates about its mean, shape (samples, 3) in T, and the noise in T."""
+        if self._mode == "DC":
+            raise ScpiError(-221)
+        end_s = self._clock.now()
+        begin_s = max(end_s - ALTERNATES_S, 0.0)
+        count = max(round((end_s - begin_s) / SAMPLE_S), 1)
+        noise_T = 1e-3 * self._noise_mT * np.sqrt(TICK_S / SAMPLE_S)
+        noisy_T = noise_T * self._rng.standard_normal((count, 3))
+        if self._mode == "HIFR" or end_s - begin_s < SAMPLE_S:
+            return noisy_T, noise_T
+        edges_s = np.linspace(begin_s, end_s, count + 1)
+        field_mT = self._world.mean_probe_field_mT(edges_s) @ self._rotation.T
+        field_T = field_mT * self._gain * 1e-3 + noisy_T
+        return field_T - field_T.mean(axis=0), noise_T
+
+    def _rms(self, parameters: list[str]) -> str:
+        wanted = fetched(parameters)
+        field_T, _ = self._alternating()
+        axes_T = np.sqrt((field_T**2).mean(axis=0))
+        values = np.array([np.linalg.norm(axes_T), *axes_T]) / self._unit_T
+        return self._answered(values, wanted)
+
+    def _frequency_Hz(self) -> float:
+        field_T, noise_T = self._alternating()
+        axes_T = np.sqrt((field_T**2).mean(axis=0))
+        axis = int(axes_T.argmax())
+        if axes_T[axis] < NOTHING_BUT_NOISE * noise_T or len(field_T) < 2:
+            return 0.0
+        # Where it goes through zero upwards, having been well below it since the last time.
+        well = np.where(np.abs(field_T[:, axis]) > axes_T[axis] / 2, np.sign(field_T[:, axis]), 0)
+        sides = well[well != 0]
+        at = np.flatnonzero(well != 0)[1:][(sides[1:] > 0) & (sides[:-1] < 0)]
+        return (len(at) - 1) / (SAMPLE_S * float(at[-1] - at[0])) if len(at) > 1 else 0.0
 
     def _magnitude_T(self) -> float:
         self._collect()
@@ -196,19 +236,20 @@ class LakeshoreF71(ScpiDevice):
         self._unit_T = 1.0 if unit == "T" else 1e-4
 
     def _fetch(self, parameters: list[str], *, relative: bool = False) -> str:
-        names = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": 4}
-        wanted = single_parameter(parameters).upper() if parameters else ""
-        if wanted not in names:
-            raise ScpiError(-224)
+        wanted = fetched(parameters)
         if self._mode != "DC":
             raise ScpiError(-221)
         self._collect()
         values = self._in_unit(self._last_T[None, :])[0]
         if relative:
             values = values - self._tare_T / self._unit_T
-        if names[wanted] == 4 and self._last_first:
+        return self._answered(values, wanted)
+
+    def _answered(self, values: Array, wanted: int) -> str:
+        """Return what is wanted of magnitude, x, y and z, in the order of this firmware."""
+        if wanted == EVERY and self._last_first:
             values = np.roll(values, -1)
-        shown = values if names[wanted] == 4 else values[names[wanted] : names[wanted] + 1]
+        shown = values if wanted == EVERY else values[wanted : wanted + 1]
         return ",".join(f"{value:+.7E}" for value in shown)
 
     def _read_buffer(self) -> str:
@@ -276,3 +317,11 @@ class LakeshoreF71(ScpiDevice):
         self._buffer.append(FinishedReadings(ticks[1:], field_T))
         while sum(part.ticks.size for part in self._buffer[1:]) >= BUFFER_RECORDS:
             self._buffer.pop(0)
+
+
+def fetched(parameters: list[str]) -> int:
+    """Return which of magnitude, x, y, z or all of them is fetched; ScpiError -224 for others."""
+    wanted = single_parameter(parameters).upper() if parameters else ""
+    if wanted not in FETCHED:
+        raise ScpiError(-224)
+    return FETCHED[wanted]

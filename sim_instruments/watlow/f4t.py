@@ -80,7 +80,7 @@ class WatlowF4T(WatlowController):
         self._mode, self._ramp_action, self._ramp_scale, self._ramp_rate = OFF, OFF, 57, 1.0
         self._manual_percent = 0.0
         self._run = ProfileRun(setting, self._set_point, self)
-        self._profiles = Profiles(self._run, self._float)
+        self._profiles = Profiles(self._run, self._float, self._in_range)
         self._aside_degC = self._set_point.target_degC
         self._outputs: dict[str, bool] = {}
         self._uses: dict[str, str] = {}
@@ -173,8 +173,11 @@ class WatlowF4T(WatlowController):
             raise ModbusError(ILLEGAL_VALUE)
         setattr(self, name, value_degC)
 
+    def _in_range(self, target_degC: float) -> bool:
+        return self._low_degC <= target_degC <= self._high_degC
+
     def _aim(self, target_degC: float) -> None:
-        if not self._low_degC <= target_degC <= self._high_degC:
+        if not self._in_range(target_degC):
             raise ModbusError(ILLEGAL_VALUE)
         if self._run.active:
             self._aside_degC = target_degC

@@ -217,10 +217,18 @@ class ProfileRun:
 
 
 class Profiles:
-    """All stored profiles, and the registers that edit and run them."""
+    """All stored profiles, and the registers that edit and run them.
 
-    def __init__(self, run: ProfileRun, floating: Callable[..., Parameter]) -> None:
-        self._run, self._float = run, floating
+    `in_range` tells of a target whether the limits of the set-point allow it.
+    """
+
+    def __init__(
+        self,
+        run: ProfileRun,
+        floating: Callable[..., Parameter],
+        in_range: Callable[[float], bool],
+    ) -> None:
+        self._run, self._float, self._in_range = run, floating, in_range
         self._stored = {number: Profile() for number in range(1, PROFILES + 1)}
         self._edited, self._to_start, self._first_step = 1, 1, 1
 
@@ -313,6 +321,8 @@ class Profiles:
     def _set_step(self, index: int, name: str, value: object) -> None:
         self._set("logs", self._profile.logs)  # refused where the profile runs
         if index > self._profile.count():
+            raise ModbusError(ILLEGAL_VALUE)
+        if name == "target_degC" and not self._in_range(float(value)):  # type: ignore[arg-type]
             raise ModbusError(ILLEGAL_VALUE)
         setattr(self._profile.steps[index], name, value)
 

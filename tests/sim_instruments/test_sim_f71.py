@@ -188,3 +188,24 @@ def test_a_plain_socket_reads_it_in_real_time() -> None:
         with socket.create_connection((entry["host"], entry["port"]), 2.0) as client:
             client.sendall(b"\n*IDN?\n")
             assert client.recv(4096).startswith(b"Lake Shore,F71,")
+
+
+def test_a_sine_has_its_rms_and_its_frequency_in_ac_mode(
+    bench: SimulatedBench, meter: Line, clock: Clock
+) -> None:
+    drive_sine(bench, clock, 1.0, 2e-3)  # 0.5 Hz
+    meter.write("SENS:MODE DC;:SENS:AVER:COUN 1")
+    clock.sleep(4.0)
+    magnitudes = []
+    for _ in range(100):
+        clock.sleep(0.02)
+        magnitudes.append(float(meter.ask("FETC:DC? X")))
+    peak = (max(magnitudes) - min(magnitudes)) / 2
+    meter.write("FETC:RMS?;:FETC:FREQ?")
+    assert [meter.ask("SYST:ERR?").split(",")[0] for _ in "ab"] == ["-221", "-221"]
+    meter.write("SENS:MODE AC")
+    clock.sleep(12.0)
+    assert float(meter.ask("FETC:RMS? X")) == pytest.approx(peak / np.sqrt(2), rel=0.02)
+    assert float(meter.ask("FETC:FREQ?")) == pytest.approx(0.5, rel=0.01)
+    meter.write("UNIT:FIELD GAUSS")
+    assert float(meter.ask("FETC:RMS? X")) == pytest.approx(1e4 * peak / np.sqrt(2), rel=0.02)

@@ -182,6 +182,7 @@ def test_what_is_out_of_its_turn_is_refused_and_changes_nothing() -> None:
         assert maker.put(FIRST + 5 * PER_STEP, SOAK) == b"\x90" + REFUSED, "there is a gap"
         assert maker.put(FIRST, 1542) == b"\x90" + REFUSED, "no step that waits"
         assert maker.put(FIRST + 44, ON) == b"\x90" + REFUSED, "no guaranteed soak"
+        assert maker.line.put_number(FIRST + 20, 181.0) == b"\x90" + REFUSED, "beyond its limits"
         maker.start(1)
         assert maker.start(1) == b"\x90" + REFUSED, "it runs"
         assert maker.put(FIRST + 2, 2) == b"\x90" + REFUSED, "it runs"

@@ -107,7 +107,14 @@ def test_the_425_answers_its_status_in_bits_and_units_by_number() -> None:
         for command, query, answer in (
             ("AUTO 0", "AUTO?", "0"),
             ("RELSP +1.000E+02", "RELSP?", "+100.000E+00"),
-            ("ALARM 1,2,+001.000E+00,+002.000E+00,0", "ALARM?", "1,2,+001.000E+00,+002.000E+00,0"),
+            (
+                "ALARM 1,2,+001.000E+00,+002.000E+00,1,1,0",
+                "ALARM?",
+                "1,2,+001.000E+00,+002.000E+00,1,1,0",
+            ),
+            ("ALARM 1,1,100,300,2", "ALARM?", "1,1,+100.000E+00,+300.000E+00,2,1,0"),
+            ("ALARM 1,1,100,300,3,0,0", "ALARM?", "1,1,+100.000E+00,+300.000E+00,2,1,0"),
+            ("RELAY 2,1", "RELAY?", "2,1"),
             ("DFLT", "AUTO?", "1"),
             ("NONSENSE 3", "UNIT?", "1"),
         ):
@@ -120,6 +127,46 @@ def test_the_425_answers_its_status_in_bits_and_units_by_number() -> None:
         here.clock.sleep(0.05)
         line.write("*RST")
         assert ask("UNIT?") == "1"
+
+
+def test_the_425s_alarm_is_in_its_status_and_moves_the_relay() -> None:
+    with variant(*MODEL_425) as here, here.line() as line:
+
+        def ask(text: str) -> str:
+            here.clock.sleep(0.2)
+            return line.ask(text)
+
+        def tell(text: str) -> None:
+            here.clock.sleep(0.2)
+            line.write(text)
+
+        gauss = abs(float(ask("RDGFIELD?")))
+        for alarm, relay, on in (
+            (f"ALARM 1,1,{gauss + 5},{gauss + 9},1,0,0", "RELAY 2,1", "1"),
+            (f"ALARM 1,1,{gauss + 5},{gauss + 9},1,0,0", "RELAY 2,2", "0"),
+            (f"ALARM 1,1,{gauss + 5},{gauss + 9},2,0,0", "RELAY 2,3", "0"),
+            (f"ALARM 1,1,{-gauss - 9},{gauss + 9},2,0,0", "RELAY 2,3", "1"),
+            (f"ALARM 0,1,{gauss + 5},{gauss + 9},1,0,0", "RELAY 1,3", "1"),
+        ):
+            tell(alarm)
+            tell(relay)
+            assert ask("RELAYST?") == on, (alarm, relay)
+            beyond = alarm.startswith("ALARM 1") and not (alarm.endswith("2,0,0") and on == "0")
+            assert bool(int(ask("OPST?")) & 8) == beyond, alarm
+
+
+def test_the_f71_measures_what_alternates_in_ac_mode_alone() -> None:
+    with variant(*F71) as here, here.line() as line:
+        line.write("SENS:MODE AC")
+        here.clock.sleep(11.0)
+        every = [float(text) for text in line.ask("FETCH:RMS? ALL").split(",")]
+        singly = [float(line.ask(f"FETC:RMS? {axis}")) for axis in ("MAG", "X", "Y", "Z")]
+        assert len(every) == 4 and all(0.0 < value < 1e-5 for value in singly)
+        assert float(line.ask("FETC:FREQ?")) == 0.0, "nothing but noise is there"
+        line.write("FETC:DC?")
+        assert line.ask("SYST:ERR?").startswith("-221")
+        line.write("FETC:RMS? W")
+        assert line.ask("SYST:ERR?").startswith("-224")
 
 
 @pytest.mark.campaign
