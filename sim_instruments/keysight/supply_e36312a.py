@@ -311,7 +311,6 @@ class KeysightE36312A(ScpiDevice):
         bounds = ((fresh.rated_V, fresh.voltage_V), (fresh.rated_A, fresh.current_A))
         for k, text in enumerate(parameters[1:]):
             wanted[k] = numeric(text, 0.0, *bounds[k])
-        self._selected = number
         output.voltage_V, output.current_A = wanted
 
     def _applied(self, parameters: list[str]) -> str:

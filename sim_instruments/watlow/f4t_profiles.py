@@ -124,7 +124,7 @@ class ProfileRun:
             raise ModbusError(ILLEGAL_VALUE)
         self._left_s = self.step_left_s()
         self._set_point.jump(self._set_point.now_degC())
-        self.state, self._turn = PAUSED, self._turn + 1
+        self.state = PAUSED
 
     def resume(self) -> None:
         """Go on where it was paused; ModbusError where nothing is."""
@@ -210,7 +210,7 @@ class ProfileRun:
             self._set_point.ramp(step.target_degC, rate_K_per_s, here_degC)
 
     def _end(self, state: int, at_end: int) -> None:
-        self.state, self._turn = state, self._turn + 1
+        self.state = state
         self._loop.give_back(hold=at_end == HOLD)
         if at_end == OFF:
             self._loop.switch_off()

@@ -88,7 +88,7 @@ def test_range_and_resolution_choose_the_integration_time(command: str, cycles: 
 @pytest.mark.parametrize(
     ("wrong", "code"),
     [
-        ("CONF:VOLT:DC AUTO,0.001", -221), ("CONF:VOLT:DC 10,1e-9", -222),
+        ("CONF:VOLT:DC AUTO,0.001", -221), ("CONF:VOLT:DC 1,1e-12", -222),
         ("CONF:VOLT:DC 2000", -222), ("CONF:DIOD 1", -108), ("CONF:FREQ 1e3,1e-9", -222),
         ("CALC:SCAL:DBM:REF 51", -224), ("CALC:TRAN:HIST:POIN 30", -224),
         ("CALC:SCAL:FUNC NULL", -224), ("CALC:LIM:LOW 1e16", -222),
@@ -145,6 +145,8 @@ def test_statistics_of_a_burst() -> None:
         assert (low, high) == (min(values), max(values)) and deviation > 0.0
         assert float(line.ask("CALC:AVER:COUN?")) == 50
         assert float(line.ask("CALC:AVER:PTP?")) == pytest.approx(high - low, rel=1e-6)
+        assert len(numbers(line.ask("READ?"))) == 50
+        assert float(line.ask("CALC:AVER:COUN?")) == 50, "INITiate begins anew"
         line.write("CALC:AVER:CLE")
         assert line.ask("CALC:AVER:COUN?;:CALC:AVER:AVER?") == "+0.00000000E+00;+9.91000000E+37"
 

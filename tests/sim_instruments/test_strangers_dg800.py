@@ -24,6 +24,8 @@ def test_apply_takes_a_phase_and_is_answered_in_five_parts() -> None:
         assert line.ask(":SOUR1:APPL?").startswith('"NOISE,')
         line.write(":SOUR1:APPL:PULS 1e3")
         assert line.ask(":SOUR1:APPL?").startswith('"PULSE,1.000000E+03,5.000000E+00,')
+        line.write(":SOUR1:FUNC:SQU:DCYC 20;:SOUR1:BURS ON;:SOUR1:APPL:SQU 1e3,1,0,0")
+        assert line.ask(":SOUR1:FUNC:SQU:DCYC?;:SOUR1:BURS?") == "5.000000E+01;OFF"
         assert line.ask("SYST:ERR?") == NO_ERROR
         assert line.ask(":APPL:SIN 1,1,1,1,1;:SYST:ERR?").startswith("-108")
 

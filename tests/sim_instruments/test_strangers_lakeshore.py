@@ -8,8 +8,26 @@ from pathlib import Path
 import pytest
 from variants import variant
 
+from sim_instruments.lakeshore.gaussmeter_425 import Alarm
+
 PROCEDURE = "rlg-magnetic-sensitivity"
 F71, MODEL_425 = ("gaussmeter", PROCEDURE, "sim"), ("gaussmeter", PROCEDURE, "sim-alternate")
+
+
+@pytest.mark.parametrize(
+    ("algebraic", "inside", "states"),
+    [
+        (False, False, {-3.0: 2, -1.5: 0, 0.5: 1, 1.5: 0, 3.0: 2}),
+        (True, False, {-3.0: 1, -1.5: 1, 0.5: 1, 1.5: 0, 3.0: 2}),
+        (False, True, {-3.0: 0, -1.5: 3, 0.5: 0, 1.5: 3}),
+        (True, True, {-1.5: 0, 1.5: 3}),
+    ],
+)
+def test_an_alarm_compares_magnitude_or_sign_outside_or_inside(
+    algebraic: bool, inside: bool, states: dict[float, int]
+) -> None:
+    alarm = Alarm(on=True, algebraic=algebraic, low_mT=1.0, high_mT=2.0, inside=inside)
+    assert {field: alarm.state(field) for field in states} == states
 
 
 @pytest.mark.parametrize(
