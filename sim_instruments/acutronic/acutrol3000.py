@@ -281,11 +281,11 @@ def numbers(given: list[str], count: int) -> tuple[float, ...]:
 
 def slews(given: list[str]) -> tuple[str | float, ...]:
     """Return what the oscillator is configured to, in whole words."""
-    switch, amplitude, course = (whole(argument(given, k), SLEWS[k]) for k in SLEWS)
+    switch, amplitude, growth = (whole(argument(given, k), SLEWS[k]) for k in SLEWS)
     return (
         switch.capitalize(),
         number(given, 1),
         number(given, 2),
         amplitude.capitalize(),
-        course.capitalize(),
+        growth.capitalize(),
     )

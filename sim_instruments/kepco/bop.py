@@ -53,10 +53,11 @@ class KepcoBop(ScpiDevice):
     Truth (`simulator` mapping): `coil` (x, y, z), `gain_error` and `offset` of the output,
     `readback_gain_error`, `readback_offset`, `readback_noise`, `time_base_error` of the list. May
     be given: `identity`, the form of the answer to `*IDN?`; `current_loop: true`, the coil follows
-    as the supply's loop drives it and not with its own time constant; `command_time`, what each
-    message takes (about 25 ms with a BIT 802E); `telnet: true`, each message is echoed;
-    `current_limit: false`, a card without `CURR:LIM`; `own_limit_broken: true`, limits that are
-    shown and hold nothing; `output_stays_on: true`, a contact that does not open, unseen.
+    as the supply's loop drives it and not with its own time constant; `command_time`, how long
+    after a message its answer goes out, 25 ms unless given, as public clients of a BIT 802E wait;
+    `telnet: true`, each message is echoed; `current_limit: false`, a card without `CURR:LIM`;
+    `own_limit_broken: true`, limits that are shown and hold nothing; `output_stays_on: true`, a
+    contact that does not open, unseen.
     """
 
     model = "Kepco BOP 36-12"
@@ -67,6 +68,8 @@ class KepcoBop(ScpiDevice):
         "date-before-serial": "KEPCO,BIT 4886 36-12  08-04-2023,{serial},4.04-1.82",
     }
     """As answered by real units and printed in the manuals."""
+    command_s: ClassVar[float] = 0.025
+    """How long after a message its answer goes out."""
     output_stage: ClassVar[type[Output]] = Output
 
     lasting_faults: ClassVar = (
@@ -83,7 +86,7 @@ class KepcoBop(ScpiDevice):
         form = truth.word("identity", self.identities, next(iter(self.identities)))
         super().__init__(self.identities[form].format(serial=setting.serial))
         self._clock, self._rng = setting.clock, setting.rng
-        self.busy_s = truth.quantity("command_time", "s", 0.0)
+        self.busy_s = truth.quantity("command_time", "s", self.command_s)
         self._echoes = truth.switch("telnet")
         self._output = self.output_stage(setting.world.coil(truth.text("coil")), truth)
         self._stretch = 1.0 + truth.quantity("time_base_error", "1")

@@ -77,6 +77,7 @@ class KepcoBop1kW(KepcoBop):
     """One supply, driving one coil of the simulated world; its truth is that of `KepcoBop`."""
 
     model = "Kepco BOP 72-14MG"
+    command_s: ClassVar[float] = 0.0
     identities: ClassVar[Mapping[str, str]] = {
         "plain": "KEPCO,BOP 72-14MG,{serial},2.24",
         "firmware-2": "KEPCO,BOP1KW 72-14 ,{serial}, 2.01",

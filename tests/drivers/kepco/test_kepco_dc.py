@@ -134,7 +134,8 @@ def test_it_never_changes_faster_than_the_slew_limit_nor_is_it_slow() -> None:
         for later in (50, 200, 1000):
             change = np.abs(levels[later:] - levels[:-later]).max()
             assert change <= SLEW * (1e-3 * later + 0.05) * 1.001
-        assert ended_s - began_s < 40.0 / SLEW + 3.0
+        # The supply takes half as long again to answer as a step lasts.
+        assert ended_s - began_s < 1.5 * 40.0 / SLEW + 3.0
         assert here.supply.read_safety().safe
 
 
@@ -226,8 +227,8 @@ def test_a_supply_in_compliance_is_named_in_time() -> None:
         began_s = here.clock.now()
         with pytest.raises(InstrumentError, match=r"in compliance: 3\.\d+ V .* and 2\.\d+ A flow"):
             here.supply.ramp_to(5.0)
-        # The ramp, two seconds, twenty time constants of 35 ms, and one look.
-        assert here.clock.now() - began_s < 1.0 + 2.0 + 0.75 + 0.1
+        # The ramp with its answers, two seconds, twenty time constants of 35 ms, and two looks.
+        assert here.clock.now() - began_s < 1.5 + 2.0 + 0.75 + 0.25
         here.supply.stop()
         assert here.supply.read_safety().safe
 
@@ -254,7 +255,7 @@ def test_an_output_that_goes_off_on_the_way_is_named() -> None:
         here.supply.ramp_to(6.0)
         output = here.simulation._served[NAME]._output
         output.protections["CURR", "POS"] = 7.0
-        with pytest.raises(InstrumentError, match=r"the output went off, 0\.000 A flow"):
+        with pytest.raises(InstrumentError, match=r"the output went off, 0\.00\d A flow"):
             here.supply.ramp_to(8.0)
 
 
