@@ -13,8 +13,10 @@ gives for `:Interlock:Control?` (Close, Open, Fault); that the two values of a s
 `:Read:SVector?` has the same two; that `:Demand:DeltaPosition?` answers the last change demanded;
 how `:Configure:Oscillator?` writes what was set; that an event register, whose second argument is
 not explained, shows the bits that are set now. An oscillator's values are kept and drive nothing.
-Left out: oscillating, following, jerk (it is kept, and
-limits nothing), the wrapping of values beyond full scale, real-time data, binary numbers.
+`:Query:*` is unknown: the manual says that no commands are implemented there (p.23). A position
+beyond a turn wraps around on an axis that turns for ever. Left out: oscillating, following, jerk
+(it is kept, and limits nothing), the wrapping of other values beyond full scale, real-time data,
+binary numbers.
 """
 
 from __future__ import annotations
@@ -29,7 +31,6 @@ from sim_instruments.acutronic.language import (
     MISSING_PARAMETER,
     OUT_OF_RANGE,
     SYNTAX,
-    TEXTS,
     TOO_LONG,
     UNKNOWN_COMMAND,
     AclError,
@@ -198,7 +199,6 @@ class Acutrol3000(LineInstrument):
             "Status:STB?": lambda _: str(self._status()),
             "Status:MSG?": self._take_errors,
             "Status:MSGCLR": self._clear_errors,
-            "Query:Error?": lambda given: TEXTS.get(int(number(given, 0)), "UNKNOWN ERROR"),
         }
 
     def _set_mode(self, given: list[str]) -> None:

@@ -40,6 +40,7 @@ TRIP_BRAKE = 3.0
 """An axis that trips brakes so many times harder than it ever accelerates."""
 
 FALLS_BEHIND_AFTER_S = 0.7
+TURN_DEG = 360.0
 JERK_PER_ACCELERATION = 10.0
 
 SERVOED, UNSERVOED, SOFTWARE_ABORT, HARDWARE_ABORT = 1 << 4, 1 << 5, 1 << 6, 1 << 7
@@ -194,10 +195,10 @@ class Axis:
         """Take a demand; it holds at once where the axis is in its mode."""
         if mode == "POSITION":
             low_deg, high_deg = self._range_deg(mode)
-            inside = low_deg <= value <= high_deg
-            if not inside or (self.encoder.continuous and abs(value) > 360.0):
+            if not low_deg <= value <= high_deg:
                 raise AclError(OUT_OF_RANGE)
-            self.demands.position = value
+            wraps = self.encoder.continuous and abs(value) > TURN_DEG
+            self.demands.position = value % TURN_DEG if wraps else value
         elif abs(value) > self._table.largest_rate:
             raise AclError(OUT_OF_RANGE)
         else:

@@ -3,7 +3,9 @@
 From the maker's server and gateware: LF-ended lines (a real one wants CR LF), answers end with
 CR LF, `*IDN?` reports no serial number, a command that is unknown or refused is not answered and
 leaves an error in the queue, the trigger status is TD whenever no source is armed, an unconnected
-pin reads 1, a pin that is no output cannot be set, values come as `{0.123456,…}`. Systems before
+pin reads 1, a pin that is no output cannot be set, values come as `{0.123456,…}`, or with
+`ACQ:DATA:FORMAT BIN` as a block of floats (raw: of whole numbers of 16 bits), the most significant
+byte first, which the maker's examples read. Systems before
 2.00-30 know no `ACQ:DEC:F`, before 2.00-15 no `ACQ:TRIG:FILL?`, and before 2.00 `DATA:STA:N?` in
 the place of `DATA:START:N?`. DIO0_N drives the bench's trigger and DIO0_P listens to it. Input 1
 is at the world's detector, input 2 is open. The sampling begins anew with each arming and is not in
@@ -16,9 +18,10 @@ is read out.
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from sim_instruments.faults.lasting import NoTrigger, Overload
 from sim_instruments.instrument import Setting
@@ -44,11 +47,12 @@ GAIN = word(*FULL_SCALE_V), "LV"
 KEPT = {
     "ACQ:AVG": (word("ON", "OFF"), "ON"),
     "ACQ:DATA:UNITS": (word("VOLTS", "RAW"), "VOLTS"),
-    "ACQ:DATA:FORMAT": (word("ASCII"), "ASCII"),
+    "ACQ:DATA:FORMAT": (word("ASCII", "BIN"), "ASCII"),
     "ACQ:SOUR1:GAIN": GAIN,
     "ACQ:SOUR2:GAIN": GAIN,
 }
 TRANSFER_S = 20e-6
+BYTES = "latin-1"
 
 
 @runtime_checkable
@@ -147,6 +151,10 @@ class RedPitaya(ScpiDevice):
                 data[f":{start}:END"] = Listed(None, partial(self._data, channel, to_end=True))
             self.add_commands(data, f"ACQ:SOUR{channel}:DATA")
 
+    def _line(self, line: bytes) -> bytes:
+        reply = self.execute(line.decode("ascii", "replace").strip())
+        return b"" if reply is None else reply.encode(BYTES) + self.reply_end
+
     # The capture.
 
     def _arm(self) -> None:
@@ -241,9 +249,14 @@ class RedPitaya(ScpiDevice):
         with released(self._lock):  # the world goes on meanwhile, and others are served
             self._clock.sleep(TRANSFER_S * count)
         volts = self._read(channel, numbers)
+        binary = self._kept.values["ACQ:DATA:FORMAT"] == "BIN"
         if self._kept.values["ACQ:DATA:UNITS"] == "RAW":
             codes = np.round(volts / self._full_scale_V(channel) * (LARGEST_CODE + 1))
+            if binary:
+                return block_of(codes.astype(">i2"))
             return "{" + ",".join(f"{code:.0f}" for code in codes) + "}"
+        if binary:
+            return block_of(volts.astype(">f4"))
         return "{" + ",".join(f"{value:.6f}" for value in volts) + "}"
 
     def _full_scale_V(self, channel: str) -> float:
@@ -306,6 +319,13 @@ class RedPitaya(ScpiDevice):
         if seated and self._faults.now(NoTrigger.kind) is None:
             return str(int(self._wire.high))
         return "1"
+
+
+def block_of(values: npt.NDArray[Any]) -> str:
+    """Return a block of bytes, each of which is one character here."""
+    data = values.tobytes()
+    size = str(len(data))
+    return f"#{len(size)}{size}" + data.decode(BYTES)
 
 
 def exactly(count: int, given: list[str]) -> list[str]:

@@ -62,6 +62,12 @@ def test_a_stranger_s_session_from_the_interlock_to_rest() -> None:
         line.says(":mode all,off")
 
 
+def test_a_position_beyond_a_turn_wraps_and_query_has_no_commands() -> None:
+    with table_bench() as bench, RawTable(bench) as line:
+        assert line.says(":D:P 2,400;P? 2;P 2,-370;P? 2") == "40.000000;350.000000"
+        assert line.framed(":Query:Error? 5")[1] == "UNKNOWN COMMAND"
+
+
 def test_a_state_vector_has_two_values() -> None:
     with table_bench() as bench, RawTable(bench) as line:
         assert line.framed(":dem:svec 1,5,6,7")[1] == "SYNTAX ERROR"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import pytest
 from variants import variant
 
@@ -41,6 +43,13 @@ def test_values_are_read_by_place_from_the_oldest_and_up_to_the_latest() -> None
         assert values(f"DATA:STArt:END? {first},{(first + 3) % 16384}") == every[:4]
         line.write("ACQ:DATA:UNITS RAW")
         raw = values("DATA:OLD:N? 5")
+        line.write("ACQ:DATA:FORMAT BIN")
+        block = line.raw_ask(b"ACQ:SOUR1:DATA:OLD:N? 5\r\n")
+        assert block[:4] == b"#210" and list(struct.unpack(">5h", block[4:14])) == raw
+        line.write("ACQ:DATA:UNITS VOLTS")
+        block = line.raw_ask(b"ACQ:SOUR1:DATA:OLD:N? 5\r\n")
+        assert block[:4] == b"#220" and block[24:] == b"\r\n"
+        assert list(struct.unpack(">5f", block[4:24])) == pytest.approx(every[:5], abs=1e-6)
         assert all(one == int(one) for one in raw)
         assert raw == pytest.approx([8192 * one for one in every[:5]], abs=0.6)
 
