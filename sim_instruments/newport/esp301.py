@@ -5,16 +5,23 @@ between commands, at most 80 characters a line, CR at its end, CR LF at the end 
 codes, ten errors kept in the order they came, reported only when asked. Commands do not wait; WS
 and WT hold the rest of the line and what comes after it. ST refuses no axis that exists.
 
+The names of the commands are those of the ESP300 manual's list of commands (section 3).
+
 What no source at hand says, and is assumed: what comes when ten errors are kept is lost; a target
 beyond a software limit is refused with x06 or x07 and nothing moves; a changed velocity or
 acceleration holds from the next movement on; the maximum velocity can be lowered by VU, and VA
 follows it; a line that is too long is refused whole with 7; WT is taken with an axis and without;
-what a URS100BPP holds in ZB, ZH and QS, and what PH answers while nothing is wrong.
+what a URS100BPP holds in its settings, and what PH answers while nothing is wrong; an emergency
+stop, AB as well, brakes with AE, and with AG where that is more; where the other settings may lie:
+gains 0 to 2E9 and KS 0 to 1, TJ 1 to 6, QM 0 to 4, FP 0 to 7, VB to VA, JH to VU, JW to JH, QI to
+3 A, QV to 60 V.
 
 Set up, and changing no movement here: `ZB` feedback and `ZH` limit switches in hexadecimal digits,
 of which the answer ends with H, `SU` resolution of the encoder, `FR` of a full step, `QS` 1 to 250
-microsteps, `PH` state of the inputs, `SM` save, `LC` keys of the panel. Left out: WP, groups,
-stored programs, units other than degrees.
+microsteps, `PH` state of the inputs, `SM` save, `LC` keys of the panel, `JK` jerk, `VB` base
+velocity, `JH` and `JW` jog velocities, `FE` following-error threshold, `QM` motor type, `QI` and
+`QV` its current and voltage, `KP` `KI` `KD` `KS` `AF` `VF` gains, which UF brings into use, `TJ`
+trajectory mode, `FP` digits shown. Left out: WP, groups, stored programs, units other than degrees.
 """
 
 from __future__ import annotations
@@ -43,7 +50,8 @@ COMMAND = re.compile(r"(\d*)\s*([A-Z]{2})\s*(.*)", re.DOTALL)
 WAITS = re.compile(rb"\s*\d*\s*W[ST].*", re.IGNORECASE | re.DOTALL)
 OUT_OF_RANGE = 100 * AXIS + 1
 LARGEST_WORD = 0xFFFF
-MICROSTEPS = range(1, 251)
+LARGEST = 2e9
+STEPPER, S_CURVE = 2, 2
 Act = Callable[[str], str | None]
 Row = tuple[Act, Callable[[], str] | None]
 """What a command does with its parameter, and what is answered where that is `?`."""
@@ -72,9 +80,15 @@ class NewportEsp301(LineInstrument):
         self._axis = Axis(setting.truth, rotation, setting.faults, setting.rng, setting.clock.now)
         self._waiting = Waiting(self._axis)
         # Of stage and front panel, which changes no movement here.
-        self._feedback = self._switches = 0
+        self._feedback, self._switches = 0x300, 0x24
         self._microsteps, self._step_deg = 100, self._axis.step_deg
         self._full_step_deg = self._step_deg * self._microsteps
+        self._jerk = 2.0 * self._axis.stage_acceleration
+        self._jog_fast, self._jog_slow = self._axis.stage_rate / 4, self._axis.stage_rate / 40
+        self._base_rate, self._threshold_deg = 0.0, 1.0
+        self._motor, self._motor_A, self._motor_V = STEPPER, 1.0, 30.0
+        self._gains = {"KP": 0.0, "KI": 0.0, "KD": 0.0, "KS": 0.0, "AF": 0.0, "VF": 0.0}
+        self._trajectory, self._digits = S_CURVE, 4
         self._general, self._of_axis = expanded(self._of_controller()), expanded(self._of_an_axis())
         self.begin_to_serve(setting)
 
@@ -142,7 +156,7 @@ class NewportEsp301(LineInstrument):
             "TE": asked(lambda: self._next_error()[0]),
             "TB": asked(lambda: ", ".join(self._next_error())),
             "ST": (done(self._axis.stop), None),
-            "AB": (done(self._axis.switch_off), None),
+            "AB": (done(self._axis.abort), None),
             "WT": (self._wait, None),
             "PH": (lambda _: "0H, 0H", None),
             **dict.fromkeys(("SM", "LC"), (lambda _: None, None)),
@@ -165,7 +179,10 @@ class NewportEsp301(LineInstrument):
             "WT": (self._wait, None),
             "ST": (done(axis.stop), None),
             "OR": (self._search_home, None),
-            "DH": (lambda text: axis.define_home(number(text or "0")), None),
+            "DH": (
+                lambda text: axis.define_home(number(text or "0")),
+                lambda: decimal(axis.defined_home_deg),
+            ),
             "SN": (self._set_unit, lambda: str(DEGREES)),
             "VA": held(axis, "rate", self._rate),
             "VU": held(axis, "largest_rate", self._largest_rate),
@@ -181,8 +198,30 @@ class NewportEsp301(LineInstrument):
             "ZH": held(self, "_switches", word, "{:X}H"),
             "SU": held(self, "_step_deg", resolution, "{:.9f}"),
             "FR": held(self, "_full_step_deg", resolution, "{:.9f}"),
-            "QS": held(self, "_microsteps", microsteps, "{}"),
+            "QS": held(self, "_microsteps", lambda text: whole(text, 1, 250), "{}"),
+            "AE": held(axis, "emergency_deceleration", lambda text: within(text, 0.0, LARGEST)),
+            "JK": held(self, "_jerk", lambda text: within(text, 0.0, LARGEST)),
+            "JH": held(self, "_jog_fast", self._rate),
+            "JW": held(self, "_jog_slow", lambda text: within(text, 0.0, self._jog_fast)),
+            "VB": held(self, "_base_rate", lambda text: within(text, 0.0, axis.rate)),
+            "FE": held(self, "_threshold_deg", lambda text: within(text, 0.0, LARGEST)),
+            "QM": held(self, "_motor", lambda text: whole(text, 0, 4), "{}"),
+            "QI": held(self, "_motor_A", lambda text: within(text, 0.0, 3.0)),
+            "QV": held(self, "_motor_V", lambda text: within(text, 0.0, 60.0)),
+            "TJ": held(self, "_trajectory", lambda text: whole(text, 1, 6), "{}"),
+            "FP": held(self, "_digits", lambda text: whole(text, 0, 7), "{}"),
+            "UF": (lambda _: None, None),
+            **{name: self._gain(name) for name in self._gains},
         }
+
+    def _gain(self, name: str) -> Row:
+        """Return a gain of the servo loop, which a stepper does without."""
+        largest = 1.0 if name == "KS" else LARGEST
+
+        def put(text: str) -> None:
+            self._gains[name] = within(text, 0.0, largest)
+
+        return put, lambda: decimal(self._gains[name])
 
     def _wait(self, text: str) -> None:
         self._waiting.for_time(self._clock.now(), milliseconds(text))
@@ -310,20 +349,25 @@ def no_more(value: float, largest: float, code: int) -> float:
     return value
 
 
-def microsteps(text: str) -> int:
-    """Return microsteps of a full step."""
+def within(text: str, low: float, high: float) -> float:
+    """Return a parameter between two values, or at one of them; EspError x01 otherwise."""
     value = number(text)
-    if value not in MICROSTEPS:
+    if not low <= value <= high:
+        raise EspError(OUT_OF_RANGE)
+    return value
+
+
+def whole(text: str, low: int, high: int) -> int:
+    """Return a whole parameter from a range; EspError x01 otherwise."""
+    value = number(text)
+    if value not in range(low, high + 1):
         raise EspError(OUT_OF_RANGE)
     return int(value)
 
 
 def resolution(text: str) -> float:
     """Return a resolution."""
-    value = number(text)
-    if not 2e-9 <= value <= 2e9:
-        raise EspError(OUT_OF_RANGE)
-    return value
+    return within(text, 2e-9, 2e9)
 
 
 def word(text: str) -> int:

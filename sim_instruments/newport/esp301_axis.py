@@ -123,8 +123,10 @@ class Axis:
         self.largest_rate, self.rate = self.stage_rate, self.stage_rate / 2
         self.largest_acceleration = self.stage_acceleration
         self.acceleration = self.deceleration = self.stage_acceleration / 2
+        self.emergency_deceleration = TRIP_BRAKE * self.deceleration
         self.low_deg, self.high_deg = -360.0, 360.0
         self.home_rate, self.home_slow_rate, self.home_deg = self.stage_rate / 2, 1.0, 0.0
+        self.defined_home_deg = 0.0
         self.motor_on = False
         self.errors = ErrorMemory()
         self._homed_s: float | None = None
@@ -193,6 +195,11 @@ class Axis:
         self.stop()
         self.motor_on = False
 
+    def abort(self) -> None:
+        """Brake as in an emergency, and switch the motor off."""
+        self._halt(self._emergency_brake())
+        self.motor_on = False
+
     def move_to(self, reading_deg: float) -> None:
         """Begin to turn to an angle of the encoder."""
         self._ready_to_move()
@@ -209,7 +216,10 @@ class Axis:
 
     def stop(self) -> None:
         """Brake to rest; a search for home ends without one."""
-        self._brake(self._now(), self.deceleration)
+        self._halt(self.deceleration)
+
+    def _halt(self, deceleration: float) -> None:
+        self._brake(self._now(), deceleration)
         self._trips_s = None
         if self._homed_s is not None:
             self._homed_s = None
@@ -233,6 +243,7 @@ class Axis:
     def define_home(self, reading_deg: float) -> None:
         """Let the encoder read an angle where it stands now."""
         self._zero_deg += reading_deg - self.desired_deg()
+        self.defined_home_deg = reading_deg
 
     def _ready_to_move(self) -> None:
         if self._homed_s is not None:
@@ -249,6 +260,10 @@ class Axis:
     def _brake(self, time_s: float, deceleration: float) -> None:
         self._plan.stop(time_s, deceleration)
         self._rotation.stop(time_s, deceleration)
+
+    def _emergency_brake(self) -> float:
+        """Return the deceleration of an emergency, never below that of a stop."""
+        return max(self.emergency_deceleration, self.deceleration)
 
     def _may_fall_behind(self) -> None:
         """Plan the trip of a movement that will not keep up, so that the world knows it at once."""
@@ -281,6 +296,6 @@ class Axis:
     def _emergency(self, time_s: float, fault: LastingFault | None) -> None:
         if fault is None:
             return
-        self._brake(time_s, TRIP_BRAKE * self.deceleration)
+        self._brake(time_s, self._emergency_brake())
         self.motor_on, self._trips_s, self._homed_s = False, None, None
         self.errors.push(4, time_s)

@@ -69,3 +69,46 @@ def test_what_is_set_up_of_a_stage_is_kept() -> None:
             assert line.code() == code, wrong
         line.tell("ZB?")
         assert line.code() == 37
+
+
+def test_settings_of_trajectory_servo_and_motor_are_kept_within_their_ranges() -> None:
+    with stage_bench() as bench, RawStage(bench) as line:
+        kept = {"JK": 320, "JH": 4, "JW": 0.5, "VB": 0.25, "FE": 2, "QI": 1.5, "QV": 24, "AE": 500}
+        kept |= {"KP": 12.5, "KI": 3, "KD": 4, "KS": 0.5, "AF": 6, "VF": 7}
+        for name, value in kept.items():
+            line.tell(f"1{name}{value}")
+            assert line.code() == 0 and line.value(f"1{name}?") == pytest.approx(value), name
+        line.tell("1QM3;1TJ1;1FP6;1UF")
+        assert line.lines("1QM?;1TJ?;1FP?;1DH?") == ["3", "1", "6", "0.000000"]
+        for wrong, code in (
+            ("1TJ7", 101),
+            ("1TJ1.5", 101),
+            ("1QM5", 101),
+            ("1FP8", 101),
+            ("1KP-1", 101),
+            ("1KS1.1", 101),
+            ("1JH1E6", 110),
+            ("1JW5", 101),
+            ("1VB1E6", 101),
+            ("1JK", 38),
+            ("JK1", 37),
+            ("2JK1", 208),
+        ):
+            line.tell(wrong)
+            assert line.code() == code, wrong
+        assert line.lines("1QM?;1TJ?;1FP?") == ["3", "1", "6"]
+
+
+def braking_deg(end: str) -> float:
+    """Return how far the stage turns after an end of its movement at full rate."""
+    with stage_bench() as bench, RawStage(bench) as line:
+        line.tell("1MO;1AG10;1AE10000;1PA200")
+        bench.clock.sleep(5.0)
+        assert line.value("1TV?") > 1.0
+        began, _ = line.lines(f"1TP?;{end};1MD?")
+        bench.clock.sleep(20.0)
+        return line.value("1TP?") - float(began)
+
+
+def test_an_abort_brakes_harder_than_a_stop() -> None:
+    assert 0.0 < 20.0 * braking_deg("AB") < braking_deg("1ST")
