@@ -9,8 +9,11 @@ a ramp begins where the set-point stands, heater on or off; the ranges are decad
 those of power; the power in percent is P (e + I/1000 of the integral of e), e in K, without windup;
 the loop acts twice a second; a reading below or above what its curve has, or of an open sensor, is
 zero; a heater in a loop without a reading gets no power; what changes an output or an input that
-nothing hangs at is kept and does no more; an open heater switches its output off. Autotuning,
-alarms, relays, zones, curves and the network's settings are left out.
+nothing hangs at is kept and does no more; an open heater switches its output off; alarms are held
+against the reading in kelvin whenever a message comes; least and largest reading are those that
+were looked at; an input without a curve reads zero kelvin, as does one beyond its curve; the
+maker's curves other than that of the platinum sensor, curve 6, are taken for it. Autotuning, the
+voltage of a diode and options (thermocouples, further inputs) are left out.
 """
 
 from __future__ import annotations
@@ -22,34 +25,38 @@ from typing import ClassVar
 
 from sim_instruments.faults.lasting import HeaterBroken, LastingFault, SensorOpen
 from sim_instruments.instrument import Setting
+from sim_instruments.lakeshore.controller_336_settings import (
+    EXECUTION_ERROR,
+    SETTINGS,
+    USER_CURVES,
+    ZERO_DEGC_K,
+    Curves,
+    RefusedCommand,
+    Settings,
+    float_of,
+)
 from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.serf_oven import Oven
 
 FIRMWARE = "2.9"
 COMMAND = re.compile(r":?\s*(\*?[A-Za-z]+\??)[ ,]*(.*)")
-ZERO_DEGC_K = 273.15
 INPUTS, OUTPUTS = "ABCD", "1234"
 KELVIN, CELSIUS = 1, 2
-OPERATION_COMPLETE, EXECUTION_ERROR, COMMAND_ERROR, POWER_ON = 1, 16, 32, 128
-SENSOR_OPEN = 128
+OPERATION_COMPLETE, COMMAND_ERROR, POWER_ON = 1, 32, 128
+INVALID, SENSOR_OPEN = 1, 128
 SHARE = {"0": 0.0, "1": 0.01, "2": 0.1, "3": 1.0}
 """Of the full power, by range."""
 STEP_S = 0.5
-CLOSED_LOOP = "1"
+CLOSED_LOOP, ZONES, OPEN_LOOP, MONITOR = "1", "2", "3", "4"
 DEFAULTS: dict[str, tuple[str, str]] = {
     "OUTMODE": (OUTPUTS, "1,1,0"),
     "PID": (OUTPUTS, "+0050.0,+0020.0,+000.00"),
     "HTRSET": (OUTPUTS, "1,2,+1.414,2"),
     "MOUT": (OUTPUTS, "+000.00"),
     "INTYPE": (INPUTS, "2,1,0,1,2"),
-    "INNAME": (INPUTS, "Input"),
     "FILTER": (INPUTS, "0,08,02"),
 }
 """By command what it concerns, and its values at first: no more than kept, but for some."""
-
-
-class RefusedCommand(Exception):
-    """A command that the controller does not carry out, with the bit of `*ESR?` that says so."""
 
 
 class Lakeshore336(LineInstrument):
@@ -83,6 +90,10 @@ class Lakeshore336(LineInstrument):
         self._way = dict.fromkeys(OUTPUTS, (0.0, -ZERO_DEGC_K, -ZERO_DEGC_K))
         self._integral = self._percent = 0.0
         self._stepped_s = self._clock.now()
+        self._settings, self._curves = Settings(), Curves()
+        # Of each input, in kelvin: the least and the largest reading that was looked at.
+        self._extremes: dict[str, tuple[float, float]] = {}
+        self._alarms = dict.fromkeys(INPUTS, (False, False))
         self._event = POWER_ON
         self._enabled = {"*ESE": 0, "*SRE": 0}
         self._commands: dict[str, Callable[[str], str | None]] = {
@@ -95,7 +106,22 @@ class Lakeshore336(LineInstrument):
             "*TST?": lambda _: "0",
             "CRDG?": lambda text: self._readings(text, 0.0),
             "KRDG?": lambda text: self._readings(text, ZERO_DEGC_K),
-            "SRDG?": lambda text: f"{self._ohm(one_of(INPUTS, text)):+.4f}",
+            "SRDG?": self._sensors,
+            "MDAT?": self._least_and_largest,
+            "MNMXRST": lambda _: self._extremes.clear(),
+            "ALARMST?": lambda text: ",".join(str(int(on)) for on in self._alarm_of(text)),
+            "ALMRST": self._forget_alarms,
+            "RELAYST?": lambda text: str(int(self._relay(one_of("12", text)))),
+            "AOUT?": lambda text: f"{self._analog(one_of('34', text)):+07.2f}",
+            "CRVHDR": self._curves.put_header,
+            "CRVHDR?": self._curves.header,
+            "CRVPT": self._curves.put_point,
+            "CRVPT?": self._curves.point,
+            "CRVDEL": self._curves.delete,
+            "OPST?": lambda _: f"{self._operation():03d}",
+            "OPSTR?": lambda _: f"{self._operation():03d}",
+            "TUNEST?": lambda _: "0,1,0,0",
+            "NETID?": self._network,
             "RDGST?": lambda text: f"{self._reading(one_of(INPUTS, text))[1]:03d}",
             "SETP": self._set_point,
             "SETP?": lambda text: f"{self._shown_set_point(one_of(OUTPUTS, text)):+.4f}",
@@ -145,16 +171,25 @@ class Lakeshore336(LineInstrument):
             self._off(time_s)
             return
         mode, source, _ = self._kept["OUTMODE"]["1"].split(",")
-        if here_degC is None or mode != CLOSED_LOOP or source != "1":
+        zone = self._zone(time_s) if mode == ZONES else None
+        source = source if zone is None else zone[6]
+        if here_degC is None or source != "1" or (mode != CLOSED_LOOP and zone is None):
             self._heat(time_s, 0.0)
             return
-        gain, integral, _ = (float(part) for part in self._kept["PID"]["1"].split(","))
+        terms = self._kept["PID"]["1"].split(",") if zone is None else zone[1:4]
+        gain, integral, _ = (float(part) for part in terms)
         error_K = self._set_point_degC("1", time_s) - here_degC
         summed = self._integral + integral / 1000.0 * error_K * STEP_S
         wanted = gain * (error_K + summed)
         if 0.0 <= wanted <= 100.0 or abs(summed) < abs(self._integral):
             self._integral = summed
         self._heat(time_s, min(max(wanted, 0.0), 100.0))
+
+    def _zone(self, time_s: float) -> list[str] | None:
+        """Return the row of the zone that the set-point of output 1 lies in, None for none."""
+        wanted_K = self._set_point_degC("1", time_s) + ZERO_DEGC_K
+        rows = [self._settings.values("ZONE", "1", str(number)) for number in range(1, 11)]
+        return next((row for row in rows if wanted_K <= float(row[0])), None)
 
     def _heat(self, time_s: float, percent: float) -> None:
         self._percent = percent
@@ -176,10 +211,15 @@ class Lakeshore336(LineInstrument):
         return output == "1" and self._faults.now(HeaterBroken.kind) is not None
 
     def _sensed_degC(self, time_s: float) -> float | None:
-        """Return what the sensor of the oven has, None where it is open."""
+        """Return what the sensor of the oven has by its curve; None where it is open, or beyond."""
         if self._faults.now(SensorOpen.kind) is not None:
             return None
-        return self._oven.now_degC(time_s) + self._error_K
+        degC = self._oven.now_degC(time_s) + self._error_K
+        curve = int(self._settings.values("INCRV", "A")[0])
+        if curve not in USER_CURVES:
+            return degC if curve else None
+        kelvin = self._curves.reading_K(curve, ohm_of(degC))
+        return None if kelvin is None else kelvin - ZERO_DEGC_K
 
     # Set-points.
 
@@ -258,7 +298,8 @@ class Lakeshore336(LineInstrument):
         """Return what an input reads in degC, and its status."""
         sensed = self._sensed_degC(self._clock.now()) if place == "A" else None
         if sensed is None:
-            return None, SENSOR_OPEN
+            is_open = place != "A" or self._faults.now(SensorOpen.kind) is not None
+            return None, SENSOR_OPEN if is_open else INVALID
         return sensed + self._noise_K * float(self._rng.standard_normal()), 0
 
     def _readings(self, text: str, shift: float) -> str:
@@ -267,14 +308,97 @@ class Lakeshore336(LineInstrument):
         read = [self._reading(place)[0] for place in places]
         return ",".join(f"{0.0 if degC is None else degC + shift:+.3f}" for degC in read)
 
+    def _sensors(self, text: str) -> str:
+        """Return what the sensor of an input has in ohm, of all of them for `0`."""
+        places = INPUTS if text.strip() == "0" else one_of(INPUTS, text)
+        return ",".join(f"{self._ohm(place):+.4f}" for place in places)
+
     def _ohm(self, place: str) -> float:
+        """Return what a sensor has, whatever its curve makes of it."""
+        if place != "A" or self._faults.now(SensorOpen.kind) is not None:
+            return 0.0
+        noise_K = self._noise_K * float(self._rng.standard_normal())
+        return ohm_of(self._oven.now_degC(self._clock.now()) + self._error_K + noise_K)
+
+    def _kelvin(self, place: str) -> float:
         degC, _ = self._reading(place)
-        return 0.0 if degC is None else 100.0 * (1.0 + 3.9083e-3 * degC - 5.775e-7 * degC**2)
+        kelvin = 0.0 if degC is None else degC + ZERO_DEGC_K
+        least, largest = self._extremes.get(place, (kelvin, kelvin))
+        self._extremes[place] = min(least, kelvin), max(largest, kelvin)
+        return kelvin
+
+    def _least_and_largest(self, text: str) -> str:
+        place = one_of(INPUTS, text)
+        self._kelvin(place)
+        return ",".join(f"{kelvin:+.3f}" for kelvin in self._extremes[place])
+
+    # Alarms, relays and monitor outputs.
+
+    def _alarm_of(self, text: str) -> tuple[bool, bool]:
+        """Return whether the alarms of an input are on, high and low."""
+        place = one_of(INPUTS, text)
+        on, high, low, deadband, latched, *_ = map(float, self._settings.values("ALARM", place))
+        if not on:
+            self._alarms[place] = False, False
+            return self._alarms[place]
+        kelvin, (was_high, was_low) = self._kelvin(place), self._alarms[place]
+        is_high = kelvin > (high - deadband if was_high else high)
+        is_low = kelvin < (low + deadband if was_low else low)
+        if latched:
+            is_high, is_low = is_high or was_high, is_low or was_low
+        self._alarms[place] = is_high, is_low
+        return self._alarms[place]
+
+    def _look_at_alarms(self) -> None:
+        """Let a latched alarm see where its input is now."""
+        for place in INPUTS:
+            if self._settings.values("ALARM", place)[0] == "1":
+                self._alarm_of(place)
+
+    def _forget_alarms(self, text: str) -> None:
+        self._alarms = dict.fromkeys(INPUTS, (False, False))
+
+    def _relay(self, number: str) -> bool:
+        mode, place, kind = self._settings.values("RELAY", number)
+        if mode != "2":
+            return mode == "1"
+        high, low = self._alarm_of(place)
+        return (kind != "0" and high) or (kind != "1" and low)
+
+    def _analog(self, output: str) -> float:
+        """Return the voltage of an output in percent."""
+        mode, *_ = self._kept["OUTMODE"][output].split(",")
+        if mode == OPEN_LOOP:
+            return float(self._kept["MOUT"][output]) if self._range[output] != "0" else 0.0
+        if mode != MONITOR:
+            return 0.0
+        source, unit, top, bottom, bipolar = self._settings.values("ANALOG", output)
+        high, low = float(top), float(bottom)
+        if source == "0" or high == low:
+            return 0.0
+        place = INPUTS[int(source) - 1]
+        value = self._ohm(place) if unit == "3" else self._kelvin(place)
+        if unit == "2":
+            value -= ZERO_DEGC_K
+        part = (value - low) / (high - low)
+        percent = 200.0 * part - 100.0 if bipolar == "1" else 100.0 * part
+        return min(max(percent, -100.0 if bipolar == "1" else 0.0), 100.0)
+
+    def _operation(self) -> int:
+        """Return bit 0 for an alarm, bit 1 for an overloaded sensor in use."""
+        alarm = any(any(self._alarm_of(place)) for place in INPUTS)
+        overloaded = self._faults.now(SensorOpen.kind) is not None
+        return alarm + 2 * overloaded
+
+    def _network(self, text: str) -> str:
+        _, _, *addresses, host, domain, _ = self._settings.values("NET")
+        return ",".join(["1", *addresses, "00:0C:9E:00:03:36", host, domain])
 
     # The wire.
 
     def _line(self, line: bytes) -> bytes:
         self._advance(self._clock.now())
+        self._look_at_alarms()
         said = [self._carry_out(part) for part in line.decode("ascii", "replace").split(";")]
         replies = [reply for reply in said if reply is not None]
         return ";".join(replies).encode("ascii") + b"\r\n" if replies else b""
@@ -300,6 +424,10 @@ class Lakeshore336(LineInstrument):
         bare = name.removesuffix("?")
         if bare in self._enabled:
             return self._enable_of(bare, asked=name != bare)
+        if bare in SETTINGS:
+            settings = self._settings
+            asked = name != bare
+            return lambda text: settings.answer(bare, text) if asked else settings.put(bare, text)
         if bare in self._kept:
             return self._keep_of(bare, asked=name != bare)
         return None
@@ -323,9 +451,9 @@ class Lakeshore336(LineInstrument):
             place = one_of("".join(values), place)
             if asked:
                 return values[place]
-            if name != "INNAME" and value.count(",") != values[place].count(","):
+            if value.count(",") != values[place].count(","):
                 raise RefusedCommand(EXECUTION_ERROR)
-            values[place] = value.strip('"')
+            values[place] = ",".join(part.strip() for part in value.split(","))
             return None
 
         return act
@@ -353,12 +481,6 @@ def one_of(places: str, text: str) -> str:
     return place
 
 
-def float_of(text: str) -> float:
-    """Return a number; RefusedCommand for none."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise RefusedCommand(EXECUTION_ERROR)
-    return value
+def ohm_of(degC: float) -> float:
+    """Return the resistance of a platinum sensor of 100 ohm at a temperature (IEC 60751)."""
+    return 100.0 * (1.0 + 3.9083e-3 * degC - 5.775e-7 * degC**2)
