@@ -6,10 +6,12 @@ or without FIELd. Assumed, since no source at hand says it: readings are block a
 the END of their window, `FETCh:DC? ALL` gives magnitude, x, y, z in the order of the buffer, the
 buffer holds 1000 records and loses the oldest, an overloaded axis reads 9.9E37, ranges are 35 mT,
 350 mT and 3.5 T, which settings outlast `*RST`: none. What of a field has no meaning in DC mode,
-its rms and its frequency, is refused with -221 there, as its DC value is in the other modes. In AC
-mode (0.1 to 500 Hz) the rms is that of the last 10 s about their mean, and the frequency that of
-the axis which alternates most, 0 where there is nothing but noise; in HIFR mode (50 Hz to 100 kHz)
-the worlds have nothing that fast, and noise is read. The window is assumed.
+its rms and its frequency, is refused with -221 there, as DC readings are in the modes AC and HIFR.
+By the maker's client alone: filters (of HIFR readings), qualifier, relative baseline, peaks, analog
+output and field control, at which nothing hangs here. Assumed of these: rms and frequency are those
+of the last 10 s (AC, from 0.1 Hz, sampled at 1 kHz) or 0.2 s (HIFR, at 20 kHz) without their mean,
+the frequency 0 where nothing but noise is there; filters are of first order; peaks are the largest and least reading of an axis since MRESet; a baseline is
+that of each axis and of the magnitude, which the qualifier is held against; ranges of numbers.
 """
 
 from __future__ import annotations
@@ -27,9 +29,12 @@ from sim_instruments.wire.scpi import (
     ScpiError,
     boolean,
     choice,
+    none,
     number,
+    number_or,
     single_parameter,
     whole_number,
+    within,
     word,
     words,
 )
@@ -45,15 +50,58 @@ RANGES_T = (0.035, 0.35, 3.5)
 MAX_AVERAGED = 1000
 OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
-KEPT: KeptTable = {"SENSe:TCOMpensation:TSOURce": (word("PROBE", "MTEMP", "NONE"), "PROBE")}
+CUTOFFS = {"NONE": 0.0, **{f"F{Hz}": float(Hz) for Hz in (10, 30, 100, 300, 1000, 3000, 10000)}}
+PASSES = "LPASS", "HPASS", "BPASS"
+QUALIFIES = {
+    "OVER": lambda field, low, high: field > low,
+    "UNDER": lambda field, low, high: field < low,
+    "BETWEEN": lambda field, low, high: low <= field <= high,
+    "OUTSIDE": lambda field, low, high: not low <= field <= high,
+    "ABSBETWEEN": lambda field, low, high: low <= abs(field) <= high,
+    "ABSOUTSIDE": lambda field, low, high: not low <= abs(field) <= high,
+}
+"""Whether the qualifier's condition is met, by its mode."""
+WINDOWS = {"AC": (10.0, 1e-3), "HIFR": (0.2, 5e-5)}
+"""What rms and frequency are worked out of, and the time from sample to sample, in s."""
+NOTHING_BUT_NOISE = 6.0
+"""Of the largest line over the median one: white noise has up to about 4."""
+
+
+def cutoff(text: str) -> float:
+    """Return a corner frequency in Hz, given by its name or as a number."""
+    value = number_or(text, CUTOFFS)
+    if value not in CUTOFFS.values():
+        raise ScpiError(-222)
+    return value
+
+
+KEPT: KeptTable = {
+    "SENSe:TCOMpensation:TSOURce": (word("PROBE", "MTEMP", "NONE"), "PROBE"),
+    "SENSe:TCOMpensation:MTEMperature": (within(-273.15, 1000.0, 25.0), 25.0),
+    "SENSe:FILTer[:STATe]": (boolean, 0),
+    "SENSe:FILTer:TYPE": (word(*PASSES), "LPASS"),
+    "SENSe:FILTer:LPASs:CUToff": (cutoff, 0.0),
+    "SENSe:FILTer:HPASs:CUToff": (cutoff, 0.0),
+    "SENSe:FILTer:BPASs:CENTer": (within(10.0, 100e3, 1000.0), 1000.0),
+    "SENSe:QUALifier[:STATe]": (boolean, 0),
+    "SENSe:QUALifier:LATCh": (boolean, 0),
+    "SOURce:AOUT": (
+        word("OFF", "XRAW", "YRAW", "ZRAW", "XCOR", "YCOR", "ZCOR", "MCOR"),
+        "OFF",
+    ),
+    "SOURce:AOUT:SFACtor": (number, 1.0),
+    "SOURce:AOUT:BASeline": (number, 0.0),
+    "SOURce:FIELd:VLIMit": (within(0.0, 10.0, 10.0), 10.0),
+    "SOURce:FIELd:SLEW": (within(0.0, 1000.0, 10.0), 10.0),
+    "SOURce:FIELd:MODE": (word("CLLOOP", "OPLOOP"), "CLLOOP"),
+    "SOURce:FIELd:STATe": (boolean, 0),
+    "SOURce:FIELd:CLLoop:GAIN": (within(0.0, 1e9, 0.0), 0.0),
+    "SOURce:FIELd:CLLoop:INTegral": (within(0.0, 1e9, 0.0), 0.0),
+    "SOURce:FIELd:CLLoop:RAMPrate": (within(0.0, 1e9, 0.0), 0.0),
+    "SOURce:FIELd:CLLoop:SETPoint": (number, 0.0),
+    "SOURce:FIELd:OPLoop:VOLTage": (within(-10.0, 10.0, 0.0), 0.0),
+}
 EPOCH = datetime(2026, 1, 1, tzinfo=UTC)
-
-
-EVERY = 4
-FETCHED = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": EVERY}
-ALTERNATES_S, SAMPLE_S = 10.0, 1e-3
-NOTHING_BUT_NOISE = 3.0
-"""Below so many times the noise, no frequency is given."""
 
 
 class FinishedReadings(NamedTuple):
@@ -115,7 +163,10 @@ class LakeshoreF71(ScpiDevice):
         self._last_T = np.zeros(3)
         self._tare_T = np.zeros(4)
         self._kept.reset()
+        self._threshold: tuple[str, list[float]] = "OVER", [0.0]
+        self._latched = False
         self._least_T, self._largest_T = np.inf, -np.inf
+        self._lowest_T, self._highest_T = np.inf, -np.inf
         self._buffer: list[FinishedReadings] = []
         self._next_tick = self._tick_now() - self._averaged
         self._collect()
@@ -138,13 +189,22 @@ class LakeshoreF71(ScpiDevice):
                 "FETCh[:FIELd]:RELative": Listed(None, partial(self._fetch, relative=True)),
                 # Of an alternating field alone.
                 "FETCh[:FIELd]:RMS": Listed(None, self._rms),
-                "FETCh[:FIELd]:FREQuency?": lambda: f"{self._frequency_Hz():.6E}",
+                "FETCh[:FIELd]:FREQuency?": lambda: f"{self._alternating()[1]:+.7E}",
+                "FETCh[:FIELd]:MAXPeak?": lambda: self._shown(self._highest_T),
+                "FETCh[:FIELd]:MINPeak?": lambda: self._shown(self._lowest_T),
                 "FETCh[:FIELd]:MAXimum?": lambda: self._shown(self._largest_T),
                 "FETCh[:FIELd]:MINimum?": lambda: self._shown(self._least_T),
                 "FETCh:BUFFer:DC?": self._read_buffer,
                 "FETCh:TEMPerature?": lambda: f"{self._probe_degC:.3f}",
                 "SENSe:MRESet": self._forget_extremes,
                 "SENSe:RELative:TARE": self._take_tare,
+                "SENSe:RELative:BASeline": (
+                    self._set_baseline,
+                    lambda: f"{self._tare_T[0] / self._unit_T:+.7E}",
+                ),
+                "SENSe:QUALifier:CONDition?": lambda: int(self._qualified()),
+                "SENSe:QUALifier:LRESet": self._reset_latch,
+                "SENSe:QUALifier:THReshold": Listed(self._set_threshold, self._shown_threshold),
                 "SYSTem:ERRor:CLEar": self.errors.clear,
                 # What the memory of the probe says of it.
                 "PROBe:MODel?": lambda: '"FP-2X-250-ZS15M-6"',
@@ -157,40 +217,73 @@ class LakeshoreF71(ScpiDevice):
             }
         )
 
-    def _alternating(self) -> tuple[Array, float]:
-        """Return what alternates about its mean, shape (samples, 3) in T, and the noise in T."""
-        if self._mode == "DC":
-            raise ScpiError(-221)
-        end_s = self._clock.now()
-        begin_s = max(end_s - ALTERNATES_S, 0.0)
-        count = max(round((end_s - begin_s) / SAMPLE_S), 1)
-        noise_T = 1e-3 * self._noise_mT * np.sqrt(TICK_S / SAMPLE_S)
-        noisy_T = noise_T * self._rng.standard_normal((count, 3))
-        if self._mode == "HIFR" or end_s - begin_s < SAMPLE_S:
-            return noisy_T, noise_T
-        edges_s = np.linspace(begin_s, end_s, count + 1)
-        field_mT = self._world.mean_probe_field_mT(edges_s) @ self._rotation.T
-        field_T = field_mT * self._gain * 1e-3 + noisy_T
-        return field_T - field_T.mean(axis=0), noise_T
-
     def _rms(self, parameters: list[str]) -> str:
-        wanted = fetched(parameters)
-        field_T, _ = self._alternating()
-        axes_T = np.sqrt((field_T**2).mean(axis=0))
-        values = np.array([np.linalg.norm(axes_T), *axes_T]) / self._unit_T
-        return self._answered(values, wanted)
+        rms_T, _ = self._alternating()
+        return self._selected(parameters, rms_T[None, :])
 
-    def _frequency_Hz(self) -> float:
-        field_T, noise_T = self._alternating()
-        axes_T = np.sqrt((field_T**2).mean(axis=0))
-        axis = int(axes_T.argmax())
-        if axes_T[axis] < NOTHING_BUT_NOISE * noise_T or len(field_T) < 2:
-            return 0.0
-        # Where it goes through zero upwards, having been well below it since the last time.
-        well = np.where(np.abs(field_T[:, axis]) > axes_T[axis] / 2, np.sign(field_T[:, axis]), 0)
-        sides = well[well != 0]
-        at = np.flatnonzero(well != 0)[1:][(sides[1:] > 0) & (sides[:-1] < 0)]
-        return (len(at) - 1) / (SAMPLE_S * float(at[-1] - at[0])) if len(at) > 1 else 0.0
+    def _alternating(self) -> tuple[Array, float]:
+        """Return the rms of each axis in T and the frequency of the largest in Hz."""
+        if self._mode not in WINDOWS:
+            raise ScpiError(-221)
+        window_s, step_s = WINDOWS[self._mode]
+        end_s = self._clock.now()
+        count = max(round(min(window_s, end_s) / step_s), 2)
+        edges_s = end_s - step_s * np.arange(count, -1, -1)
+        field_mT = self._world.mean_probe_field_mT(edges_s) @ self._rotation.T
+        noise_mT = self._noise_mT * np.sqrt(TICK_S / step_s)
+        field_mT = field_mT + noise_mT * self._rng.standard_normal(field_mT.shape)
+        lines_mT = np.fft.rfft(field_mT * self._gain, axis=0) / len(field_mT)
+        lines_mT[0] = 0.0
+        frequencies_Hz = np.fft.rfftfreq(len(field_mT), step_s)
+        lines_mT = lines_mT * self._passed(frequencies_Hz)[:, None]
+        rms_mT = np.sqrt(2.0 * (np.abs(lines_mT) ** 2).sum(axis=0))
+        largest = np.abs(lines_mT[:, int(rms_mT.argmax())])
+        is_noise = largest.max() < NOTHING_BUT_NOISE * np.median(largest)
+        frequency_Hz = 0.0 if is_noise else float(frequencies_Hz[int(largest.argmax())])
+        return rms_mT * 1e-3, frequency_Hz
+
+    def _passed(self, frequencies_Hz: Array) -> Array:
+        """Return what the filter lets through of each frequency above zero."""
+        values = self._kept.values
+        kind = str(values["SENSe:FILTer:TYPE"])
+        of_kind = {
+            "LPASS": "SENSe:FILTer:LPASs:CUToff",
+            "HPASS": "SENSe:FILTer:HPASs:CUToff",
+            "BPASS": "SENSe:FILTer:BPASs:CENTer",
+        }
+        corner_Hz = float(values[of_kind[kind]])
+        if self._mode != "HIFR" or not values["SENSe:FILTer[:STATe]"] or corner_Hz == 0.0:
+            return np.ones_like(frequencies_Hz)
+        ratio = np.maximum(frequencies_Hz, 1e-9) / corner_Hz
+        off = {"LPASS": ratio, "HPASS": 1.0 / ratio, "BPASS": ratio - 1.0 / ratio}[kind]
+        return 1.0 / np.sqrt(1.0 + off**2)
+
+    def _set_baseline(self, text: str) -> None:
+        self._tare_T = np.full(4, number(text) * self._unit_T)
+
+    def _set_threshold(self, parameters: list[str]) -> None:
+        mode = choice(parameters[0] if parameters else "", words(*QUALIFIES))
+        wanted = 1 if mode in {"OVER", "UNDER"} else 2
+        if len(parameters) != 1 + wanted:
+            raise ScpiError(-109 if len(parameters) <= wanted else -108)
+        self._threshold = mode, [number(text) * self._unit_T for text in parameters[1:]]
+
+    def _shown_threshold(self, parameters: list[str]) -> str:
+        none(parameters)
+        mode, fields_T = self._threshold
+        return ",".join([mode, *(f"{field_T / self._unit_T:+.7E}" for field_T in fields_T)])
+
+    def _qualified(self) -> bool:
+        """Return whether the qualifier is on and its condition is met, or was where it latches."""
+        values = self._kept.values
+        mode, fields_T = self._threshold
+        is_met = QUALIFIES[mode](self._magnitude_T(), fields_T[0], fields_T[-1])
+        is_met = bool(values["SENSe:QUALifier[:STATe]"]) and bool(is_met)
+        self._latched = bool(values["SENSe:QUALifier:LATCh"]) and (is_met or self._latched)
+        return is_met or self._latched
+
+    def _reset_latch(self) -> None:
+        self._latched = False
 
     def _magnitude_T(self) -> float:
         self._collect()
@@ -198,6 +291,7 @@ class LakeshoreF71(ScpiDevice):
 
     def _forget_extremes(self) -> None:
         self._least_T = self._largest_T = self._magnitude_T()
+        self._lowest_T, self._highest_T = float(self._last_T.min()), float(self._last_T.max())
 
     def _take_tare(self) -> None:
         magnitude_T = self._magnitude_T()
@@ -236,20 +330,22 @@ class LakeshoreF71(ScpiDevice):
         self._unit_T = 1.0 if unit == "T" else 1e-4
 
     def _fetch(self, parameters: list[str], *, relative: bool = False) -> str:
-        wanted = fetched(parameters)
         if self._mode != "DC":
             raise ScpiError(-221)
         self._collect()
-        values = self._in_unit(self._last_T[None, :])[0]
+        return self._selected(parameters, self._last_T[None, :], relative=relative)
+
+    def _selected(self, parameters: list[str], field_T: Array, *, relative: bool = False) -> str:
+        names = {"": 0, "MAGNITUDE": 0, "MAG": 0, "X": 1, "Y": 2, "Z": 3, "ALL": 4}
+        wanted = single_parameter(parameters).upper() if parameters else ""
+        if wanted not in names:
+            raise ScpiError(-224)
+        values = self._in_unit(field_T)[0]
         if relative:
             values = values - self._tare_T / self._unit_T
-        return self._answered(values, wanted)
-
-    def _answered(self, values: Array, wanted: int) -> str:
-        """Return what is wanted of magnitude, x, y and z, in the order of this firmware."""
-        if wanted == EVERY and self._last_first:
+        if names[wanted] == 4 and self._last_first:
             values = np.roll(values, -1)
-        shown = values if wanted == EVERY else values[wanted : wanted + 1]
+        shown = values if names[wanted] == 4 else values[names[wanted] : names[wanted] + 1]
         return ",".join(f"{value:+.7E}" for value in shown)
 
     def _read_buffer(self) -> str:
@@ -314,14 +410,13 @@ class LakeshoreF71(ScpiDevice):
         for k in np.flatnonzero(self._faults.during(Frozen.kind, edges_s[1:])).tolist():
             field_T[k] = field_T[k - 1] if k else self._last_T
         self._last_T = field_T[-1]
+        shown_T = field_T[(np.abs(field_T) < OVERLOAD_READING).all(axis=1)]
+        if shown_T.size:
+            magnitudes_T = np.linalg.norm(shown_T, axis=1)
+            self._least_T = min(self._least_T, float(magnitudes_T.min()))
+            self._largest_T = max(self._largest_T, float(magnitudes_T.max()))
+            self._lowest_T = min(self._lowest_T, float(shown_T.min()))
+            self._highest_T = max(self._highest_T, float(shown_T.max()))
         self._buffer.append(FinishedReadings(ticks[1:], field_T))
         while sum(part.ticks.size for part in self._buffer[1:]) >= BUFFER_RECORDS:
             self._buffer.pop(0)
-
-
-def fetched(parameters: list[str]) -> int:
-    """Return which of magnitude, x, y, z or all of them is fetched; ScpiError -224 for others."""
-    wanted = single_parameter(parameters).upper() if parameters else ""
-    if wanted not in FETCHED:
-        raise ScpiError(-224)
-    return FETCHED[wanted]
