@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import json
+import re
 import signal
 import socket
 from collections.abc import Iterator
@@ -201,7 +202,7 @@ def test_silent_addresses_are_asked_at_once_and_the_whole_is_bounded() -> None:
 
 def only_asks(sent: str) -> bool:
     """Whether what went over a wire is a question: a query, or the reading of registers."""
-    if "?" in sent:
+    if "?" in sent or re.fullmatch(r"\d?(PPO|PVE)\\r", sent):  # angle and rate of a table
         return True
     data = codecs.escape_decode(sent.encode())[0]
     return data[7:8] == b"\x03" or data[1:2] == b"\x03"
