@@ -10,12 +10,14 @@ its rms and its frequency, is refused with -221 there, as DC readings are in the
 By the maker's client alone: filters (of HIFR readings), qualifier, relative baseline, peaks, analog
 output and field control, at which nothing hangs here. Assumed of these: rms and frequency are those
 of the last 10 s (AC, from 0.1 Hz, sampled at 1 kHz) or 0.2 s (HIFR, at 20 kHz) without their mean,
-the frequency 0 where nothing but noise is there; filters are of first order; peaks are the largest and least reading of an axis since MRESet; a baseline is
-that of each axis and of the magnitude, which the qualifier is held against; ranges of numbers.
+the frequency 0 where nothing but noise is there; filters are of first order; peaks are the largest
+and least reading of an axis since MRESet; a baseline is that of each axis and of the magnitude,
+which the qualifier is held against; ranges of numbers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import ClassVar, NamedTuple
@@ -52,7 +54,7 @@ OVERLOAD_READING = 9.9e37
 OVERLOAD_BIT = 2
 CUTOFFS = {"NONE": 0.0, **{f"F{Hz}": float(Hz) for Hz in (10, 30, 100, 300, 1000, 3000, 10000)}}
 PASSES = "LPASS", "HPASS", "BPASS"
-QUALIFIES = {
+QUALIFIES: Mapping[str, Callable[[float, float, float], bool]] = {
     "OVER": lambda field, low, high: field > low,
     "UNDER": lambda field, low, high: field < low,
     "BETWEEN": lambda field, low, high: low <= field <= high,
@@ -228,13 +230,13 @@ class LakeshoreF71(ScpiDevice):
         window_s, step_s = WINDOWS[self._mode]
         end_s = self._clock.now()
         count = max(round(min(window_s, end_s) / step_s), 2)
-        edges_s = end_s - step_s * np.arange(count, -1, -1)
+        edges_s: Array = end_s - step_s * np.arange(count, -1, -1, dtype=float)
         field_mT = self._world.mean_probe_field_mT(edges_s) @ self._rotation.T
         noise_mT = self._noise_mT * np.sqrt(TICK_S / step_s)
         field_mT = field_mT + noise_mT * self._rng.standard_normal(field_mT.shape)
         lines_mT = np.fft.rfft(field_mT * self._gain, axis=0) / len(field_mT)
         lines_mT[0] = 0.0
-        frequencies_Hz = np.fft.rfftfreq(len(field_mT), step_s)
+        frequencies_Hz = np.asarray(np.fft.rfftfreq(len(field_mT), step_s), dtype=np.float64)
         lines_mT = lines_mT * self._passed(frequencies_Hz)[:, None]
         rms_mT = np.sqrt(2.0 * (np.abs(lines_mT) ** 2).sum(axis=0))
         largest = np.abs(lines_mT[:, int(rms_mT.argmax())])
