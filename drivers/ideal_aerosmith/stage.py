@@ -1,7 +1,9 @@
 """An axis of an Ideal Aerosmith rate table as a rotary stage, which goes to angles alone.
 
 Commands and their sources:
-    nothing of its own - all that is sent is that of the table - the rows of ideal-aerosmith -
+    PPO, HOM, STO, ACL50 - angle, search for the zero, stop, acceleration - the rows of
+        ideal-aerosmith - confirmed
+    RMO10, VEL20, PVE, SRV1, SRV? - move, rate, measured rate, motor - the rows of ideal-aerosmith -
         not confirmed
 """
 
