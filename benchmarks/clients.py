@@ -226,14 +226,20 @@ def set_back(setter: Any, given: Mapping[str, object], read: list[object]) -> No
     setter(**known, **values)
 
 
-def instrumentkit(path: str, *parts: str) -> Walk:
-    """Walk an instrument of InstrumentKit; `parts` are attributes of it, `axis[0]` an element."""
+def instrumentkit(path: str, *parts: str, without: str = "$^") -> Walk:
+    """Walk an instrument of InstrumentKit; `parts` are attributes of it, `axis[0]` an element.
+
+    What `without` matches is left out: what no such instrument has, and the client is out of step
+    behind its refusal.
+    """
 
     def walk(served: Mapping[str, Any]) -> Iterator[Attempt]:
         client = named(f"instruments.{path}").open_tcpip(served["host"], served["port"])
         with suppress(Exception):
             client._file._conn.settimeout(1.5)
-        yield from properties(client)
+        for name, attempt in properties(client):
+            if not re.match(without, name):
+                yield name, attempt
         for part in parts:
             name, _, index = part.rstrip("]").partition("[")
             inner = getattr(client, name)
@@ -410,7 +416,7 @@ CLIENTS: Mapping[str, Mapping[str, Walk]] = {
             "redpitaya.RedPitayaScpi", read_termination="\r\n", write_termination="\r\n"
         )
     },
-    "thorlabs-sc10": {"instrumentkit SC10": instrumentkit("thorlabs.SC10")},
+    "thorlabs-sc10": {"instrumentkit SC10": instrumentkit("thorlabs.SC10", without="enable=")},
     "watlow-f4t": {
         "pymodbus, registers of ChamberConnectLibrary": registers(
             F4T, settable=("set point", "mode asked", "manual power")
@@ -420,13 +426,17 @@ CLIENTS: Mapping[str, Mapping[str, Walk]] = {
     "can-navigator": {"python-can, cantools": messages},
     "can-imu": {"python-can, cantools": messages},
 }
+WRITTEN_FOR: Mapping[str, Mapping[str, object]] = {"instrumentkit SC10": {"prompt": "bare"}}
+"""The form of an instrument that a client was written for, where there are several."""
 
 
 @contextmanager
-def served(case_name: str, folder: Path) -> Iterator[Mapping[str, Any]]:
+def served(case_name: str, folder: Path, client: str) -> Iterator[Mapping[str, Any]]:
     """Serve the instrument of a driver alone, in real time; yield how it is reached."""
     bench = folder / f"{case_name}.yaml"
-    bench.write_text(as_text(bench_data(case_name)), encoding="utf-8")
+    data = bench_data(case_name)
+    data["instruments"][name_of(case_name)]["simulator"].update(WRITTEN_FOR.get(client, {}))
+    bench.write_text(as_text(data), encoding="utf-8")
     arguments = [str(bench), "--procedure", world_of(case_name), "--until-stdin-closes"]
     with subprocess.Popen(
         [sys.executable, "-m", "station", "sim", *arguments],
@@ -516,7 +526,7 @@ def main() -> int:
             kind = "first models" if case_name in first else "second models"
             for client, walk in CLIENTS.get(case_name, {}).items():
                 # Some clients greet on standard output.
-                with served(case_name, Path(folder)) as at, redirect_stdout(sys.stderr):
+                with served(case_name, Path(folder), client) as at, redirect_stdout(sys.stderr):
                     outcome = dict(tried(walk, at, registry.load(registry.DRIVERS, case_name)))
                 refused = {name: why for name, why in outcome.items() if why}
                 sums[kind]["works"] += len(outcome) - len(refused)

@@ -17,7 +17,6 @@ no number, as all that it measures is: so this shows whether the line is in step
 
 PROMPT = ">"
 POSITION = "PPO"
-BLANK = b"\r\n >"
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 REFUSAL = re.compile(r"(?i)\?|\b(?:err|error|invalid|unknown)\b")
 SENT_DECIMALS = 6
@@ -39,6 +38,8 @@ class AtlLine(TextLine):
     A command that was carried out is answered by the prompt alone, and some are not answered at
     all: each asks for the position in the same exchange, whose answer shows that it was heard.
     """
+
+    padding = b"\r\n >"  # a prompt that came late holds no value
 
     def __init__(
         self,
@@ -133,10 +134,6 @@ class AtlLine(TextLine):
                 attempted, f"only {text!r} came, without the end of an answer,", deadline_s
             )
         return came
-
-    def _meant(self, came: bytes) -> bytes:
-        """Return nothing for a prompt that came late: it holds no value."""
-        return came if came.strip(BLANK) else b""
 
     def _names(self, answer: str) -> bool:
         return bool(answer) and NUMBER.fullmatch(answer) is None

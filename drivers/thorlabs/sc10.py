@@ -2,10 +2,11 @@
 
 Sources: the manual's table of commands (mode 5 is the external gate, `ens` toggles, `closed?`,
 `interlock?`) and public clients for 9600 Bd, CR, the echo before each answer and the prompt after
-it. Not confirmed in a primary source: that an enabled shutter in the external gate mode is open
-while its gate is high; that `ens?` survives a change of the mode, so it is read and set again; the
-wording of errors around `CMD_NOT_DEFINED` and `CMD_ARG_INVALID`. The controller reports no serial
-number: its identity holds `untold` in that place.
+it, `>` with a blank behind it or, by some clients, without. Not confirmed in a primary source: that
+an enabled shutter in the external gate mode is open while its gate is high; that `ens?` survives a
+change of the mode, so it is read and set again; the wording of errors around `CMD_NOT_DEFINED` and
+`CMD_ARG_INVALID`. The controller reports no serial number: its identity holds `untold` in that
+place.
 
 The bench's trigger goes high at time zero, and then the light must go off. Between the trigger and
 the gate an inverter is needed for that, and the driver looks whether there is one: a shutter that
@@ -54,6 +55,12 @@ REFUSALS = {
 }
 
 
+class PromptLine(SerialLine):
+    """A line whose answers end with a prompt, behind which a blank may stand."""
+
+    padding = b" "
+
+
 class ThorlabsSc10(Driver):
     """A shutter that is closed at rest, opened and closed by commands or by the bench's trigger."""
 
@@ -77,10 +84,10 @@ class ThorlabsSc10(Driver):
         self._moves_within_s = settings.moves_within_s
         self.trigger_to_dark_s = LightSettings.of(place).trigger_to_dark_s
         """From the trigger's edge until the light is blocked, s; None where nobody measured."""
-        self._line = SerialLine(
+        self._line = PromptLine(
             place,
             settings,
-            answer_end="> ",
+            answer_end=">",
             ignores_empty=True,
             repeatable=self.repeatable,
             identity="id?",

@@ -111,6 +111,9 @@ class ExchangeLine(TracedLine, ABC):
     pause_s = 0.0
     """Run time that an instrument needs after a message or an answer before the next message."""
 
+    padding: bytes = b""
+    """What may come behind an answer, early or late, without being anything."""
+
     def __init__(
         self,
         place: Place,
@@ -256,7 +259,7 @@ class ExchangeLine(TracedLine, ABC):
             came = self._taken_off(port)
         except OSError as error:
             raise self._broken(f"send {shortened(message)!r}", error) from error
-        if came or self._must_calm:
+        if self._meant(came) or self._must_calm:
             port = self._in_step_again(port, came)
         return port
 
@@ -369,8 +372,8 @@ class ExchangeLine(TracedLine, ABC):
         return self._meant(taken)
 
     def _meant(self, came: bytes) -> bytes:
-        """Return what came unasked if it could be taken for an answer; here whatever it is."""
-        return came
+        """Return what came unasked if it could be taken for an answer: nothing where it is none."""
+        return came if came.strip(self.padding) else b""
 
     def _forget_connection(self) -> None:
         self._last = None

@@ -202,11 +202,12 @@ class TextLine(ExchangeLine):
             what = f"only {shortened(text)!r} came, without the end of an answer,"
             raise self._silent(attempted, what, deadline_s)
         answer, _, behind = text.partition(self._answer_end.decode(ENCODING))
-        if behind:
+        padding = self.padding.decode(ENCODING)
+        if behind.strip(padding):
             self._doubt(came, attempted)
             came_back = f"{shortened(text)!r} came back, more than one answer"
             raise self._doubtful(attempted, came_back)
-        return answer.removesuffix(self._before_end)
+        return answer.lstrip(padding).removesuffix(self._before_end)
 
     def _is_whole(self, answer: bytes) -> bool:
         """Return whether an answer is complete, or so odd that there is nothing to wait for."""

@@ -3,7 +3,9 @@
 From the manuals of the card family (BIT 4886, 243-1303; the 802E speaks the same commands over
 LAN) and, where those were not at hand, of the BOP 1KW family: the limit and protection commands.
 What no source at hand says, and is assumed: set points are refused with -221 while a list runs;
-a list may be armed with the output off; protection cannot be set below 1 % of the rating.
+a list may be armed with the output off; protection cannot be set below 1 % of the rating. The full
+test DIAG:TST? (BIT 4886 manual, table A-4: 0 where all passes) is refused while a list runs, which
+is assumed; that it drives the output to both ends of its range is left out.
 """
 
 from __future__ import annotations
@@ -171,6 +173,7 @@ class KepcoBop(ScpiDevice):
                 "OUTPut[:STATe]?": lambda: output.on and not self._lies(),
                 "MEASure[:SCALar]:CURRent[:DC]?": self._measure_current,
                 "MEASure[:SCALar]:VOLTage[:DC]?": self._measure_voltage,
+                "DIAGnostic:TST?": self._test,
                 # Over LAN the card is always in remote; the command changes nothing.
                 "SYSTem:REMote": (self._set_remote, None),
             }
@@ -202,6 +205,10 @@ class KepcoBop(ScpiDevice):
     def _list_runs(self) -> bool:
         self.before_each()
         return "LIST" in self._mode.values()
+
+    def _test(self) -> str:
+        self._not_in_a_list()
+        return "0"
 
     def _set_remote(self, text: str) -> None:
         boolean(text)

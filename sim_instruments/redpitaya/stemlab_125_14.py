@@ -11,12 +11,14 @@ the place of `DATA:START:N?`. DIO0_N drives the bench's trigger and DIO0_P liste
 is at the world's detector, input 2 is open. The sampling begins anew with each arming and is not in
 step with the trigger; the pointer kept at the trigger is that of the value being taken then, on
 systems before 2.05 that of the last one before it; each stored value is the mean of the values
-since the one before, here the input in the middle of that time. Assumed: 20 us for each value that
-is read out.
+since the one before, here the input in the middle of that time. By one client alone, SYST:TIME and
+SYST:DATE are numbers with commas; this calendar changes nothing that is measured. Assumed: 20 us
+for each value that is read out.
 """
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -28,7 +30,7 @@ from sim_instruments.instrument import Setting
 from sim_instruments.redpitaya.stemlab_capture import CONVERTER_HZ, SLOTS, Capture, Numbers
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import released
-from sim_instruments.wire.scpi import ScpiError, choice, number, whole_number, word, words
+from sim_instruments.wire.scpi import ScpiError, choice, none, number, whole_number, word, words
 from sim_instruments.wire.scpi_device import KeptSettings, Listed, ScpiDevice, Value, kept, taken
 from sim_instruments.world.base import TriggerLine
 from sim_instruments.world.piecewise import Array
@@ -53,6 +55,8 @@ KEPT = {
 }
 TRANSFER_S = 20e-6
 BYTES = "latin-1"
+BEGINS = datetime(2026, 1, 1, tzinfo=UTC)
+"""What its calendar shows at time zero: it has no battery and no network here."""
 
 
 @runtime_checkable
@@ -94,6 +98,7 @@ class RedPitaya(ScpiDevice):
         self._wire.listen(
             lambda time_s: self._edge(time_s, "EXT_PE"), lambda time_s: self._edge(time_s, "EXT_NE")
         )
+        self._begins = BEGINS
         self._kept = KeptSettings(KEPT)
         self._outputs: dict[str, bool] = {}
         """The pins that are outputs, and whether each is high."""
@@ -112,6 +117,29 @@ class RedPitaya(ScpiDevice):
         self._noise = np.zeros(SLOTS)
         self._capture = Capture(self._clock.now(), 1.0, 0, HALF, stopped_s=self._clock.now())
 
+    def _local(self) -> datetime:
+        """Return what its calendar shows."""
+        return self._begins + timedelta(seconds=self._clock.now())
+
+    def _calendar(self, form: str, parameters: list[str]) -> str:
+        none(parameters)
+        return self._local().strftime(form)
+
+    def _set_time(self, parameters: list[str]) -> None:
+        hour, minute, second = parts_of(parameters)
+        self._set_calendar(hour=hour, minute=minute, second=second, microsecond=0)
+
+    def _set_date(self, parameters: list[str]) -> None:
+        year, month, day = parts_of(parameters)
+        self._set_calendar(year=year, month=month, day=day)
+
+    def _set_calendar(self, **parts: int) -> None:
+        shown = self._local()
+        try:
+            self._begins += shown.replace(**parts) - shown  # type: ignore[arg-type]
+        except ValueError:
+            raise ScpiError(-222) from None
+
     def _add_all(self) -> None:
         self.add_commands(self._kept.commands())
         table: dict[str, Value] = {
@@ -125,6 +153,8 @@ class RedPitaya(ScpiDevice):
             "ACQ:TRIG:DLY": (self._set_delay, lambda: self._delay - HALF),
             "ACQ:TRIG:DLY:NS": (self._set_delay_ns, lambda: f"{self._delay_ns():.0f}"),
             "SYST:VERSion?": lambda: "1999.0",
+            "SYST:TIME": Listed(self._set_time, partial(self._calendar, "%H,%M,%S")),
+            "SYST:DATE": Listed(self._set_date, partial(self._calendar, "%Y,%m,%d")),
             "SYST:BRD:ID?": lambda: "0",
             "SYST:BRD:Name?": lambda: "STEMlab 125-14 v1.0",
             "ACQ:WPOS?": self._pointer,
@@ -352,3 +382,10 @@ def version_of(text: str, where: str) -> tuple[int, int, int]:
         raise SimulationError(f"{where}: a version such as 2.05-37 was expected, got {text!r}")
     numbers = [int(part) for part in (*parts, "0", "0")]
     return numbers[0], numbers[1], numbers[2]
+
+
+def parts_of(parameters: list[str]) -> list[int]:
+    """Return the three whole numbers of a time or a date; ScpiError -109 or -108 otherwise."""
+    if len(parameters) != 3:
+        raise ScpiError(-109 if len(parameters) < 3 else -108)
+    return [whole_number(text, 0, 9999) for text in parameters]

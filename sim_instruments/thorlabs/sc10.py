@@ -1,9 +1,10 @@
 """Thorlabs SC10 shutter controller with an SH05 shutter at the pump light, in lines of text.
 
 From the manual's table of commands and public clients: CR ends a command; the answer is its echo,
-CR, the value and CR where there is one, and the prompt `> `; `ens` toggles; `closed?` is 1 for a
-closed shutter, `interlock?` 1 for a tripped one; errors read `Command error CMD_NOT_DEFINED` and
-`Command error CMD_ARG_INVALID`, on some bare; `?` lists the commands, which are in lower case;
+CR, the value and CR where there is one, and the prompt `> ` (two clients meet the blank before the
+next echo, another expects `>` alone); `id?` and `*idn?` say who it is; `ens` toggles; `closed?` is
+1 for a closed shutter, `interlock?` 1 for a tripped one; errors are `Command error CMD_NOT_DEFINED`
+and `Command error CMD_ARG_INVALID`, on some bare; `?` lists the commands, which are in lower case;
 `save` and `savp` store, `resp` loads what `savp` stored. What no source at hand says, and is
 assumed: in the external gate mode an enabled shutter is open while the gate is high; a change of
 the mode leaves `ens?` as it is;
@@ -23,7 +24,7 @@ from sim_instruments.wire.requests import LineInstrument
 from sim_instruments.world.base import TriggerLine
 
 IDENTITY = "THORLABS SC10 VERSION 1.07"
-PROMPT = b"> "
+PROMPTS = {"blank": b"> ", "bare": b">"}
 EXTERNAL = 5
 SETTINGS = {
     "mode": (1, 5, 1),
@@ -55,7 +56,7 @@ class ThorlabsSc10(LineInstrument):
     Truth (`simulator` mapping): `opening_time` and `closing_time` (from the change of the gate or
     a command until the light is let through or blocked, which is when its sensor says so, too),
     `gate_inverter` (whether an inverter stands between the trigger and the gate). May be given:
-    `errors: bare`, errors without `Command error` before them.
+    `errors: bare`, errors without `Command error` before them; `prompt: bare`, `>` without a blank.
     """
 
     model = "Thorlabs SC10"
@@ -72,10 +73,11 @@ class ThorlabsSc10(LineInstrument):
         self._wire = setting.world.find(TriggerLine) or TriggerLine()
         self._wire.listen(self._move_blade, self._move_blade)
         self._error = "" if setting.truth.text("errors", "worded") == "bare" else "Command error "
+        self._prompt = PROMPTS[setting.truth.word("prompt", tuple(PROMPTS), "blank")]
         self._values = {name: at_power_on for name, (_, _, at_power_on) in SETTINGS.items()}
         self._stored = dict(self._values)
         self._commands: dict[str, Callable[[], str | None]] = {
-            "id?": lambda: IDENTITY,
+            **dict.fromkeys(("id?", "*idn?"), lambda: IDENTITY),
             "ens?": lambda: str(int(self._enabled)),
             "closed?": lambda: str(int(self._is_closed(self._clock.now()))),
             "interlock?": lambda: str(int(self._tripped())),
@@ -139,13 +141,13 @@ class ThorlabsSc10(LineInstrument):
     def _line(self, line: bytes) -> bytes:
         text = line.decode("ascii", "replace").strip()
         if not text:
-            return b"\r" + PROMPT
+            return b"\r" + self._prompt
         try:
             value = self._carry_out(text)
         except RefusedCommand as error:
             value = f"{self._error}{error}"
         parts = [text] if value is None else [text, value]
-        return "\r".join([*parts, ""]).encode("ascii", "replace") + PROMPT
+        return "\r".join([*parts, ""]).encode("ascii", "replace") + self._prompt
 
     def _carry_out(self, text: str) -> str | None:
         if text in self._commands:

@@ -154,3 +154,11 @@ def test_the_forms_of_an_identity_are_named_where_one_is_wrong() -> None:
     wrong = pytest.raises(SimulationError, match="identity: one of lan, blanks")
     with wrong, variant(*CARD, identity="other"):
         raise AssertionError("it is served")
+
+
+@pytest.mark.parametrize("bench", [CARD, LARGE])
+def test_the_full_test_passes_and_an_option_is_not_asked_for(bench: tuple[str, str, str]) -> None:
+    with variant(*bench) as here, here.line() as line:
+        assert line.ask("DIAG:TST?;:SYST:ERR?").startswith("0;0,")
+        line.write("*OPT?")
+        assert line.ask("SYST:ERR?").startswith("-113")
