@@ -12,8 +12,9 @@ zero; a heater in a loop without a reading gets no power; what changes an output
 nothing hangs at is kept and does no more; an open heater switches its output off; alarms are held
 against the reading in kelvin whenever a message comes; least and largest reading are those that
 were looked at; an input without a curve reads zero kelvin, as does one beyond its curve; the
-maker's curves other than that of the platinum sensor, curve 6, are taken for it. Autotuning, the
-voltage of a diode and options (thermocouples, further inputs) are left out.
+maker's curves other than that of the platinum sensor, curve 6, are taken for it; a zone has the
+terms, the input and, where it is not zero, the range of output 1. Autotuning, a zone's manual power
+and ramp, the voltage of a diode and options (thermocouples, further inputs) are left out.
 """
 
 from __future__ import annotations
@@ -176,6 +177,8 @@ class Lakeshore336(LineInstrument):
         if here_degC is None or source != "1" or (mode != CLOSED_LOOP and zone is None):
             self._heat(time_s, 0.0)
             return
+        if zone is not None and zone[5] != "0":
+            self._range["1"] = zone[5]
         terms = self._kept["PID"]["1"].split(",") if zone is None else zone[1:4]
         gain, integral, _ = (float(part) for part in terms)
         error_K = self._set_point_degC("1", time_s) - here_degC

@@ -67,8 +67,9 @@ def test_a_zone_has_its_own_terms_of_the_loop() -> None:
     with controller() as (fixture, line):
         line.ask("ZONE 1,1,400,50,20,0,0,3,1,0.1;OUTMODE 1,2,1,0;*ESR?")
         assert line.ask("ZONE? 1,1") == "+400.000,+0050.0,+0020.0,+000.0,+000.00,3,1,+000.1"
-        line.ask("RAMP 1,0,0.1;SETP 1,40;RANGE 1,3;*ESR?")
+        line.ask("RAMP 1,0,0.1;SETP 1,40;RANGE 1,1;*ESR?")
         fixture.clock.sleep(900.0)
+        assert line.ask("RANGE? 1") == "3", "that of the zone"
         assert float(line.ask("CRDG? A")) == pytest.approx(40.0, abs=0.1)
         line.ask("ZONE 1,1,280,50,20,0,0,3,1,0.1;*ESR?")
         fixture.clock.sleep(900.0)
