@@ -252,9 +252,13 @@ def registers(values: Mapping[str, tuple[int, str]], *, settable: Iterable[str] 
     """Walk registers that programs of others read with pymodbus; each a float or an integer."""
 
     def walk(served: Mapping[str, Any]) -> Iterator[Attempt]:
+        from pymodbus import FramerType
         from pymodbus.client import ModbusTcpClient
 
-        client: Any = ModbusTcpClient(served["host"], port=served["port"], timeout=3)
+        framer = FramerType.SOCKET if served["protocol"] == "modbus-tcp" else FramerType.RTU
+        client: Any = ModbusTcpClient(
+            served["host"], port=served["port"], timeout=1.5, framer=framer
+        )
         client.connect()
 
         def read(address: int, kind: str) -> Any:
@@ -422,6 +426,9 @@ CLIENTS: Mapping[str, Mapping[str, Walk]] = {
             F4T, settable=("set point", "mode asked", "manual power")
         )
     },
+    "watlow-f4": {
+        "pymodbus, registers of ChamberConnectLibrary": registers(F4, settable=("set point",))
+    },
     "can-pulse-board": {"python-can, cantools": messages},
     "can-navigator": {"python-can, cantools": messages},
     "can-imu": {"python-can, cantools": messages},
@@ -524,6 +531,8 @@ def main() -> int:
             if options.drivers and case_name not in options.drivers:
                 continue
             kind = "first models" if case_name in first else "second models"
+            if case_name not in CLIENTS:
+                figures.line(case_name, models=kind, client="none that pip installs")
             for client, walk in CLIENTS.get(case_name, {}).items():
                 # Some clients greet on standard output.
                 with served(case_name, Path(folder), client) as at, redirect_stdout(sys.stderr):

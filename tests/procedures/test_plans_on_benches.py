@@ -10,7 +10,9 @@ from station.files.faults import FaultList
 
 PLANS = sorted(path.stem for path in (CONFIG / "plans").glob("*.yaml"))
 ONE_AXIS = r"the gaussmeter \(lakeshore-425\) measures one axis at a time"
-NO_GENERATOR = "the bench 'sim-alternate' has no signal_generator.(xy|z_gradient), which this plan needs"
+NO_GENERATOR = (
+    "the bench 'sim-alternate' has no signal_generator.(xy|z_gradient), which this plan needs"
+)
 REFUSED = {
     "commissioning": NO_GENERATOR,
     "nine-axis-calibration-coil": "the gaussmeter of this bench reads one axis",

@@ -73,7 +73,9 @@ def test_every_client_is_of_an_instrument_that_can_be_served_alone(name: str) ->
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("name", ["can-pulse-board", "can-navigator", "can-imu", "watlow-f4t"])
+@pytest.mark.parametrize(
+    "name", ["can-pulse-board", "can-navigator", "can-imu", "watlow-f4t", "watlow-f4"]
+)
 def test_libraries_of_the_wire_find_all_that_devices_have(name: str, tmp_path: Any) -> None:
     (walk,) = clients.CLIENTS[name].values()
     with clients.served(name, tmp_path) as at:
