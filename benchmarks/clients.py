@@ -71,6 +71,8 @@ GIVEN: Mapping[str, object] = {
     "sample_rate_in_ms": 100,
 }
 """Arguments of a client's questions."""
+SETTLES_S = 0.02
+"""How long a command that is not answered takes to be carried out, before errors are asked for."""
 QUEUE = 30
 """More errors than an instrument keeps."""
 
@@ -121,8 +123,19 @@ def pymeasure(path: str, *parts: str, without: str = "$^", **keywords: object) -
         for name, attempt in of_pymeasure(client, parts):
             if not re.match(without, name):
                 yield name, attempt
+                leave_nothing_on(client.adapter.connection)
 
     return walk
+
+
+def leave_nothing_on(resource: Any) -> None:
+    """Read what a client asked for and left, so that its next answer is the next question's."""
+    usual, resource.timeout = resource.timeout, 20
+    try:
+        while True:
+            resource.read_raw()
+    except Exception:
+        resource.timeout = usual
 
 
 def of_pymeasure(client: Any, parts: Iterable[str]) -> Iterator[Attempt]:
@@ -153,7 +166,9 @@ def qcodes(path: str, **keywords: object) -> Walk:
         at = f"TCPIP::{served['host']}::{served['port']}::SOCKET"
         client = named(path)("client", at, timeout=1.5, **keywords)
         try:
-            yield from parameters(client)
+            for attempt in parameters(client):
+                yield attempt
+                leave_nothing_on(client.visa_handle)
         finally:
             client.close()
 
@@ -438,7 +453,7 @@ WRITTEN_FOR: Mapping[str, Mapping[str, object]] = {"instrumentkit SC10": {"promp
 
 
 @contextmanager
-def served(case_name: str, folder: Path, client: str) -> Iterator[Mapping[str, Any]]:
+def served(case_name: str, folder: Path, client: str = "") -> Iterator[Mapping[str, Any]]:
     """Serve the instrument of a driver alone, in real time; yield how it is reached."""
     bench = folder / f"{case_name}.yaml"
     data = bench_data(case_name)
@@ -476,6 +491,7 @@ class ErrorQueue:
     def errors(self) -> str:
         """Return what stands in the queue, which is empty then."""
         told: list[str] = []
+        time.sleep(SETTLES_S)
         while self._line is not None and len(told) < QUEUE:
             self._line.sendall(f"{self._question}\n".encode())
             answer = self._line.makefile("rb").readline().decode().strip()

@@ -5,11 +5,11 @@ ends an error queue of 20, a trigger from the connector that both channels share
 channels whose source is BUS. A value beyond its limits is clipped, which changes it all the same,
 and the error says so. Levels, termination and limits: see `GeneratorChannel`. APPLy sets function,
 frequency, amplitude and offset and switches the output on; `APPL?` answers in quotes; sweep and
-burst exclude one another, the last that is switched on stays. What a sweep, a phase or the Sync
-connector does is not simulated. Its coils hang on drivers of high impedance. Numbers are written as
-`+1.0000000000000E+00`, an open end as 9.9E+37. Assumed: the error of an output whose protection has
-tripped, the byte order of blocks, and that modulation, coupling and sums, which are not here, are
-refused as unknown.
+burst exclude one another, the last that is switched on stays. What a sweep, a phase, a gate or the
+output of the Sync or the Ext Trig connector does (p.177, 264, 318) is not simulated. Its coils hang
+on drivers of high impedance. Numbers are written as `+1.0000000000000E+00`, an open end as 9.9E+37.
+Assumed: the error of an output whose protection has tripped, the byte order of blocks, and that
+modulation, coupling and sums, which are not here, are refused as unknown.
 """
 
 from __future__ import annotations
@@ -47,16 +47,26 @@ SPANS = {
     "BURSt:PHASe": (-360.0, 360.0, 0.0),
 }
 """Least, largest and the value after `*RST` of numbers that do not change what a coil gets."""
+TIMED = {"TIMer": (1e-6, 8e3, 1.0), "COUNt": (1.0, 1e6, 1.0)}
+"""The same of what a trigger's own timer and a list of triggers would do."""
 SOURCE_KEPT: KeptTable = {
     "SWEep:SPACing": (word("LINear", "LOGarithmic"), "LIN"),
     "FUNCtion:PULSe:HOLD": (word("WIDTh", "DCYCle"), "WIDT"),
     "FUNCtion:ARBitrary:FILTer": (word("NORMal", "STEP", "OFF"), "STEP"),
+    "FUNCtion:ARBitrary:ADVance": (word("TRIGger", "SRATe"), "SRAT"),
+    "BURSt:GATE:POLarity": (word("NORMal", "INVerted"), "NORM"),
 }
 OUTPUT_KEPT: KeptTable = {
     ":SYNC:MODE": (word("NORMal", "CARRier", "MARKer"), "NORM"),
     ":SYNC:POLarity": (word("NORMal", "INVerted"), "NORM"),
 }
-SYNC: KeptTable = {":SYNC[:STATe]": (boolean, True), ":SYNC:SOURce": (word("CH1", "CH2"), "CH1")}
+SYNC: KeptTable = {
+    ":SYNC[:STATe]": (boolean, True),
+    ":SYNC:SOURce": (word("CH1", "CH2"), "CH1"),
+    ":TRIGger[:STATe]": (boolean, False),
+    ":TRIGger:SLOPe": (SLOPES, "POS"),
+    ":TRIGger:SOURce": (word("CH1", "CH2"), "CH1"),
+}
 
 
 class Keysight33522B(CoilGenerator):
@@ -100,8 +110,11 @@ class Keysight33522B(CoilGenerator):
         assert isinstance(wave, ArbitraryWave)
         source_kept = KeptSettings({**numbers_of(wave), **SOURCE_KEPT})
         output_kept = KeptSettings(OUTPUT_KEPT)
-        self._kept += [source_kept, output_kept]
         between = partial(clips, wave)
+        trigger_kept = KeptSettings(
+            {name: (between(*span), span[2]) for name, span in TIMED.items()}
+        )
+        self._kept += [source_kept, output_kept, trigger_kept]
 
         def edges(*names: str) -> Pair:
             return partial(_set_edges, wave, names), partial(getattr, wave, names[0])
@@ -131,6 +144,7 @@ class Keysight33522B(CoilGenerator):
             "SOURce": kept(channel, "source", word("IMMediate", "EXTernal", "TIMer", "BUS")),
             "SLOPe": kept(channel, "slope", SLOPES),
             "DELay": kept(channel, "delay_s", between(0.0, 1000.0, 0.0)),
+            **trigger_kept.commands(),
         }
         output: Held = {**self._output(channel), **output_kept.commands()}
         if number == 1:

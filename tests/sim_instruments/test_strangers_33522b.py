@@ -77,6 +77,7 @@ def test_the_driver_takes_either_maker_and_either_wording(maker: str, words: str
         ("FUNC:PULS:TRAN", "2e-8"), ("FUNC:PULS:TRAN:LEAD", "2e-8"),
         ("FUNC:PULS:TRAN:TRA", "2e-8"), ("SWE:TIME", "3"), ("FREQ:STAR", "10"),
         ("FREQ:STOP", "20"), ("BURS:INT:PER", "0.5"), ("SOUR2:PHAS", "45"),
+        ("TRIG:TIM", "0.3"), ("TRIG2:COUN", "7"),
     ],
 )  # fmt: skip
 def test_what_is_set_is_answered(header: str, value: str) -> None:
@@ -85,6 +86,23 @@ def test_what_is_set_is_answered(header: str, value: str) -> None:
         assert float(line.ask(f"{header}?")) == pytest.approx(float(value))
         line.write("*RST")
         assert float(line.ask(f"{header}?")) != pytest.approx(float(value))
+
+
+@pytest.mark.parametrize(
+    ("header", "word", "default"),
+    [
+        ("BURS:GATE:POL", "INV", "NORM"),
+        ("SOUR2:FUNC:ARB:ADV", "TRIG", "SRAT"),
+        ("OUTP:TRIG", "1", "0"),
+        ("OUTP:TRIG:SLOP", "NEG", "POS"),
+        ("OUTP:TRIG:SOUR", "CH2", "CH1"),
+    ],
+)
+def test_a_word_is_kept_until_a_reset(header: str, word: str, default: str) -> None:
+    with standing() as here, here.line() as line:
+        assert line.ask(f"{header}?") == default
+        assert line.ask(f"{header} {word};:{header}?") == word
+        assert line.ask(f"*RST;:{header}?;:SYST:ERR?") == f'{default};+0,"No error"'
 
 
 @pytest.mark.parametrize(
