@@ -107,8 +107,7 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
             depends["encoder_zero"] = fixture * solution.of("Ki")
         if name in ("K0", "Ki"):
             extra |= held_at
-        if (warmth := solution.slow.get(f"{name}_T")) is not None:
-            depends["thermometer_degC"] = warmth
+        depends |= _by_warmth(solution, (name, 1.0))
         estimates.append(_estimate((name, None, unit), value, gradient, solution, depends, extra))
     for name, axis, over, unit, factor in RATIOS:
         alone = over == "K0" or len(terms.get(over, {})) == 1
@@ -123,10 +122,20 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         depends = {}
         if name == "bias":
             depends = {"multimeter_zero": per_unit, "local_gravity": value / dataset.gravity_g}
+            depends |= _by_warmth(solution, ("K0", per_unit), ("Ki", -value / solution.of("Ki")))
         if name == "fixture_error":
             depends = {"encoder_zero": factor}
-        estimates.append(_estimate((name, axis, unit), value, gradient, solution, depends, {}))
+        extra = held_at if name == "bias" else {}
+        estimates.append(_estimate((name, axis, unit), value, gradient, solution, depends, extra))
     return estimates
+
+
+def _by_warmth(solution: Solution, *parts: tuple[str, float]) -> dict[str, float]:
+    """Return the slope over temperature of a sum of coefficients, each with its factor."""
+    slopes = {name: solution.slow.get(f"{name}_T") for name, _ in parts}
+    if all(slope is None for slope in slopes.values()):
+        return {}
+    return {"thermometer_degC": sum(factor * (slopes[name] or 0.0) for name, factor in parts)}
 
 
 def _estimate(

@@ -8,6 +8,7 @@ from tumble_records import FOUR, QUARTZ, Stage, changed, made
 
 from procedures.accelerometer_tumble.analysis import TumbleAnalysis, analyse
 
+WARMTH = "thermometer_degC"
 HEAD = tuple((plane, turned, 90.0) for plane, turned, _ in FOUR)
 
 
@@ -83,6 +84,18 @@ def test_a_run_that_ended_early_has_no_results_and_a_flag(rows: int) -> None:
     analysis = analyse(readings.only(np.arange(len(readings.time_s)) < rows))
     assert "not-identifiable" in codes(analysis)
     assert analysis.estimate("Kpp").value is None
+
+
+def test_the_bias_depends_on_the_thermometer_as_the_ratio_that_it_is() -> None:
+    analysis = analyse(made(np.random.default_rng(8), Stage(warms_K=1.0)))
+    k0, ki, bias = (analysis.estimate(name) for name in ("K0", "Ki", "bias"))
+    warmer = [(one.value or 0.0) + one.sensitivities.get(WARMTH, 0.0) for one in (k0, ki)]
+    assert bias.value is not None
+    moved = warmer[0] / warmer[1] - bias.value
+    assert moved != 0.0 and bias.sensitivities[WARMTH] == pytest.approx(moved, rel=1e-3)
+    assert bias.extra["conditions"] == k0.extra["conditions"]
+    same = analyse(made(np.random.default_rng(8), Stage()))
+    assert WARMTH not in same.estimate("bias").sensitivities
 
 
 def test_a_temperature_term_too_small_to_choose_is_in_the_uncertainty() -> None:
