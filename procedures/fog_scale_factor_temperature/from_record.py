@@ -145,7 +145,7 @@ def places(folder: RunFolder, bench: Bench) -> Iterator[AtPlaces]:
     if ramp is not None:
         hours = ((ramp[ARRIVAL] - ramp[ARRIVAL][0]) / SECONDS_PER_HOUR).astype(np.int64)
         each = [
-            at_places(f"{RAMP}, hour {hour + 1}", ramp[hours == hour], corrected)
+            at_places(f"ramp, hour {hour + 1}", ramp[hours == hour], corrected)
             for hour in np.unique(hours).tolist()
         ]
         far = widest(each)

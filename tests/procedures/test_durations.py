@@ -17,7 +17,7 @@ from station.record.events import read_events
 from station.record.layout import EVENTS
 
 WITHIN = 0.01
-EXCHANGES_S = 0.3
+EXCHANGES_S = 0.6
 """What asking the instruments of a step takes beside all that it waits for."""
 
 

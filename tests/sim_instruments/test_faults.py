@@ -11,6 +11,7 @@ import pytest
 from sim_bench import BOARD, START, STOP, SUPPLY, RawLine, board_with, counts, faulty, line_with
 
 from sim_instruments.faults.catalogue import applicable_faults
+from sim_instruments.kepco.bop import KepcoBop
 from sim_instruments.truth import SimulationError
 
 
@@ -54,7 +55,7 @@ def test_a_late_reply_comes_after_its_delay_and_the_next_one_behind_it() -> None
         assert line.bytes_of("*IDN?", within_s=1.0) is None
         assert line.bytes_of("OUTP?", within_s=0.5) is None
         both = line.what_comes(5.0)
-        assert clock.now() == pytest.approx(2.0)
+        assert clock.now() == pytest.approx(2.0 + KepcoBop.command_s)
         both = (both or b"") + ((line.what_comes(0.1) or b"") if both.count(b"\n") < 2 else b"")
     assert both.startswith(b"KEPCO") and both.endswith(b"\n0\n")
 

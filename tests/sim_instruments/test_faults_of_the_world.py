@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from sim_bench import GAUSSMETER, START, SUPPLY, Line, board_with, counts, faulty, line_with
 
+from sim_instruments.kepco.bop import KepcoBop
+
 
 def test_a_frozen_supply_shows_the_last_current_for_ever() -> None:
     with line_with(SUPPLY, fault="frozen", **{"at": "5 s", "for": "5 s"}) as (line, _):
@@ -111,7 +113,7 @@ def test_the_report_tells_what_the_world_has_been_through() -> None:
     assert running["coils"]["y"]["at_zero_since_s"] is None
     coil = ended["coils"]["y"]
     assert coil["driven_A"] == 0.0 and abs(coil["current_A"]) < 1e-9
-    assert coil["at_zero_since_s"] == pytest.approx(off_s)
+    assert coil["at_zero_since_s"] == pytest.approx(off_s - KepcoBop.command_s)
     assert coil["largest_current_A"] == pytest.approx(3.0, abs=0.01)
     step_A = coil["largest_slew_A_per_s"] * coil["time_constant_s"]
     assert step_A == pytest.approx(3.0, abs=0.01)

@@ -7,6 +7,8 @@ import pytest
 from sim_bench import Frames, Line, bench_with, counts, served
 
 from sim_instruments.bench import SimulatedBench
+from sim_instruments.kepco.bop import KepcoBop
+from sim_instruments.wire.socketcand import HOST_BEGAN_S
 from station.clock import Clock
 
 START, COUNTS_1 = 1, 0x121
@@ -92,12 +94,13 @@ def test_a_sine_field_shows_the_signed_sensitivity(
             part = ",".join(f"{point:.5f}" for point in points[first : first + 20])
             supply.ask(f"LIST:CURR {part};*OPC?")
         supply.ask("LIST:DWEL 0.01;COUN 0;:CURR:MODE LIST;*OPC?")
-        drive_s = clock.now()
+        drive_s = clock.now() - KepcoBop.command_s
         clock.sleep(5.0)
         board.command(START, 1, 100.0)
         clock.sleep(600.0)
         rows = counts(board, bench)
         end_s = np.array([time_s for number, time_s, _ in board.received if number == COUNTS_1])
+        end_s -= HOST_BEGAN_S
         field = 3.0 * 1.0005 * bench._world.gyro_mT_per_A[:, "xyz".index(coil)]
     rate = np.diff(rows[:, 1]) * PULSE_ARCSEC / 0.1
     frequency = 0.1 / (1 + 50e-6)

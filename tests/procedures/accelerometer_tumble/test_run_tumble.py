@@ -19,7 +19,7 @@ from procedures.accelerometer_tumble import PROCEDURE, check
 from procedures.accelerometer_tumble.figures import draw_parts
 from procedures.accelerometer_tumble.outlook import expected_u
 from procedures.accelerometer_tumble.parameters import TumbleParameters
-from station.cli.validating import read_bench_named, read_plan_for
+from station.cli.validating import read_plan_for
 from station.files.faults import FaultList
 from station.record.folder import RunFolder
 from station.runner.evaluation import evaluate_run
@@ -178,9 +178,14 @@ def test_a_dry_run_asks_for_each_mounting_once() -> None:
     assert all((pictures / prompt.picture).exists() for prompt in walk.prompts)
 
 
-def test_a_bench_without_the_roles_refuses_it_by_a_sentence() -> None:
+def test_a_bench_without_the_roles_refuses_it_by_a_sentence(tmp_path: Path) -> None:
+    bench = shipped_bench()
+    del bench["instruments"]["rotary_stage"]
+    bench["safe_state"] = [at for at in bench["safe_state"] if at["role"] != "rotary_stage"]
+    path = tmp_path / "bench.yaml"
+    path.write_text(dump_yaml(bench), encoding="utf-8")
     with pytest.raises(FaultList, match="has no rotary_stage, which this plan needs"):
-        read_plan_for(NAME, read_bench_named("sim-alternate"), ())
+        read_plan_for(NAME, read_bench_at(path), ())
 
 
 def test_an_encoder_of_which_nobody_states_how_well_it_is_is_refused(tmp_path: Path) -> None:
