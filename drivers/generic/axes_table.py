@@ -19,6 +19,10 @@ RATE_AGREES, RATE_KEPT = 1e-3, 0.05
 class AxesTable(ABC):
     """All axes, with what was read of them last; a maker's own knows how each is asked and told."""
 
+    when_commanded_by_another = (
+        "see that nobody works at the table's panel and that no other program talks to it"
+    )
+
     def __init__(self, place: Place, settings: AxesSettings, limit: Callable[[str], float]) -> None:
         self.settings = settings
         self._place, self._limit = place, limit
@@ -128,6 +132,39 @@ class AxesTable(ABC):
             return
         if abs(state.count.angle_deg - target_deg) > self.settings.in_position_deg:
             raise self.astray(state, "read the angle at rest", target_deg)
+
+    def need_others_kept(self, moved: AxisState) -> None:
+        """Raise InstrumentError where any axis that should stand is elsewhere, or turns.
+
+        A device on a plate that another axis tilts does not turn as it was meant to.
+        """
+        for state in self.axes.values():
+            self.need_angle_kept(state)
+        if strangers := self.strangers():
+            raise self.commanded_by_another(moved, strangers[0], "no angle counts")
+
+    def strangers(self) -> list[AxisState]:
+        """Return the axes that turned at the last look though nothing commanded them to."""
+        now_s = self._place.clock.now()
+        return [
+            state
+            for state in self.axes.values()
+            if state.doing is Doing.NOTHING
+            and self.is_turning(state)
+            and not state.count.planned_rate(now_s)
+        ]
+
+    def commanded_by_another(
+        self, looked_at: AxisState, stranger: AxisState, so: str
+    ) -> InstrumentError:
+        """Return that an axis turns that nobody here commanded, and what follows."""
+        return InstrumentError(
+            self._place.name,
+            f"looked at axis {looked_at.number}",
+            f"axis {stranger.number} turns at {stranger.rate:.4f} deg/s, which nobody here "
+            f"commanded; {so}",
+            self.when_commanded_by_another,
+        )
 
     def need_in_time(self, state: AxisState) -> None:
         """Raise InstrumentError for a task that should long be done."""

@@ -105,13 +105,13 @@ class AxesTurntable(Driver):
         """Return the encoder's angle, counted through every turn.
 
         Raises InstrumentError where the turns are no longer known, where an axis does not keep
-        its rate, and where one that stands is further than `in_position` from its angle.
+        its rate, and where any that stands turns, or is further than `in_position` from its angle.
         """
         state = self._table.axis(axis)
         self._table.look()
         self._table.need_turns(state)
         self._table.need_rate_kept(state)
-        self._table.need_angle_kept(state)
+        self._table.need_others_kept(state)
         return state.count.angle_deg
 
     def rate_deg_per_s(self, axis: int) -> float:

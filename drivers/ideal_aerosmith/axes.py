@@ -85,6 +85,10 @@ class AtlTable(AxesTable):
     """All axes. No demand can be read back, and no state is documented: encoders tell all."""
 
     settings: AtlSettings
+    when_commanded_by_another = (
+        "compare settings.prefixes and settings.rates_by with the table's manual, and see that "
+        f"nobody works at its panel; {NOBODY_ELSE}"
+    )
 
     def __init__(
         self,
@@ -217,7 +221,7 @@ class AtlTable(AxesTable):
             self.held.add(n)
             if settings.zero == "absolute":
                 return self._knows_zero(state)
-            self._begin(state, "HOM")
+            self._search_zero(state)
             within_s = self._place.clock.patience_s(settings.home_within_s)
             state.begins(Doing.SEARCHING, self._place.clock.now() + within_s)
             self._begins_to_settle(n)
@@ -276,6 +280,19 @@ class AtlTable(AxesTable):
                 self.brake(state)
                 state.forgets()
             raise
+
+    def _search_zero(self, state: AxisState) -> None:
+        """Begin to look for the zero; a table that has no search says so."""
+        try:
+            self._begin(state, "HOM")
+        except RefusedByTable as error:
+            raise InstrumentError(
+                self._place.name,
+                f"searched the zero of axis {state.number}",
+                error.said,
+                "write settings.zero: absolute where its encoders know their zero; else look at "
+                "the table's panel for what keeps it from moving",
+            ) from error
 
     def _begin(self, state: AxisState, command: str) -> None:
         """Send what begins or ends a motion; where it is refused, the zero is in doubt."""
@@ -354,23 +371,9 @@ class AtlTable(AxesTable):
 
         What names an axis is in no document: a table might move another one than was meant.
         """
-        moves = state.doing in MOVED
-        strange = [
-            other
-            for other in self.axes.values()
-            if other.doing is Doing.NOTHING and other is not state and self.is_turning(other)
-        ]
-        now_s = self._place.clock.now()
-        strange = [other for other in strange if not other.count.planned_rate(now_s)]
-        if moves and strange:
+        strangers = [other for other in self.strangers() if other is not state]
+        if state.doing in MOVED and strangers:
             for each in self.axes.values():
                 self.brake(each)
                 each.homed = False
-            raise InstrumentError(
-                self._place.name,
-                f"looked at axis {state.number}",
-                f"axis {strange[0].number} turns at {strange[0].rate:.4f} deg/s, which nobody here "
-                "commanded; all were stopped",
-                "compare settings.prefixes with the table's manual, and see that nobody works at "
-                f"its panel; {NOBODY_ELSE}",
-            )
+            raise self.commanded_by_another(state, strangers[0], "all were stopped")

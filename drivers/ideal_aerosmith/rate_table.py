@@ -139,6 +139,8 @@ class IdealAerosmithTable(AxesTurntable):
         wanted = self.limit(limit)
         attempted = f"limit the {limit} of axis {n} to {wanted:g} {unit}"
         do_now = f"lower limits.{limit} in the bench file"
+        if limit == "rate":
+            do_now += ", or see whether settings.rates_by is the table's unit"
         try:
             self._line.command(n, f"{header}{number(per_s * wanted)}")
         except RefusedByTable as error:

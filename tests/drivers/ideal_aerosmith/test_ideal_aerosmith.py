@@ -273,6 +273,48 @@ def test_an_axis_that_nobody_commanded_stops_all() -> None:
         assert not any(map(table.is_homed, (1, 2, 3)))
 
 
+@pytest.mark.parametrize("stands", [2, 1])
+def test_no_angle_counts_while_another_program_moves_an_axis_that_stands(stands: int) -> None:
+    """The plate tilts while it turns, or turns while it should stand."""
+    with aerosmith_bench(THREE) as bench:
+        table = bench.homed(1, 2, 3)
+        table.turn(1, 20.0)
+        bench.wait_for_rate(table)
+        if stands == 1:
+            table.stop(1)
+            bench.wait(table)
+        table.angle_deg(1)
+        bench.table.axes[stands].turn_at(0.5)
+        bench.clock.sleep(0.5)
+        said = error_of(lambda: table.angle_deg(1))
+        assert re.search(rf"axis {stands} turns at 0\.(49|50)", said)
+        assert "nobody works at its panel" in said
+
+
+def test_no_angle_counts_when_a_levelled_axis_is_elsewhere() -> None:
+    with aerosmith_bench(THREE) as bench:
+        table = bench.homed(1, 2, 3)
+        table.move_to(2, 0.0)
+        bench.wait(table, 2)
+        table.turn(1, 20.0)
+        bench.wait_for_rate(table)
+        table.angle_deg(1)
+        bench.table.axes[2].move_by(1.0)
+        bench.clock.sleep(3.0)
+        said = error_of(lambda: table.angle_deg(1))
+        assert re.search(r"the encoder of axis 2 reads (0\.999|1\.000)", said)
+        assert not table.is_homed(2)
+
+
+def test_limits_in_the_other_unit_and_a_refused_search_name_their_setting() -> None:
+    with aerosmith_bench({"home": "refused"}) as bench:
+        said = error_of(bench.driver(rates_by="minute").programme_limits)
+        assert "settings.rates_by" in said
+        table = bench.driver()
+        table.home(1)
+        assert "settings.zero: absolute" in error_of(lambda: bench.wait(table))
+
+
 def test_a_lost_answer_to_a_movement_is_an_error_and_rest_is_reached() -> None:
     cut = {"fault": "dropped-connection", "command": "JOG"}
     with aerosmith_bench(None, cut) as bench:
