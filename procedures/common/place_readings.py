@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from procedures.common.places import THERMOMETER
+from procedures.common.places import PLACES
+from procedures.common.stage_and_meter import THERMOMETER
 from station.method.verbs import keep
 from station.roles import Thermometer
 
 if TYPE_CHECKING:
     from station.method.run import Run
 
-PLACES = "places"
-"""The setting of a driver that reads several."""
 EVERY_S = 60.0
 """Run time from one reading to the next: temperatures in a chamber take minutes."""
 

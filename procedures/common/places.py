@@ -10,11 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
+from procedures.common.stage_and_meter import THERMOMETER, USUAL_DEGC
 from station.errors import MissingRows
 from station.findings import Estimate, InputQuantity
+from station.method.dry_run import has_setting
 from station.parts import Table
+from station.procedure import RecordUse
 from station.roles.multimeter import DEVICE, is_at_device, places_in
 
 if TYPE_CHECKING:
@@ -23,7 +27,8 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.record.folder import RunFolder
 
-THERMOMETER = "thermometer"
+PLACES = "places"
+"""The setting of a driver that reads several."""
 GRADIENT = "device_gradient_degC"
 """The input of a budget."""
 ABOUT = "spread of the temperature over the device"
@@ -33,19 +38,19 @@ Corrected = Callable[[float], float]
 
 @dataclass(frozen=True)
 class AtPlaces:
-    """What a thermometer read `when`: its mean at each place, degC."""
+    """What a thermometer read `when`: its mean at each place, degC, NaN where it read no number."""
 
     when: str
     temperature_degC: Mapping[str, float]
 
     @property
     def spread_degC(self) -> float | None:
-        """How far the farthest other place at the device is off `device`; None without one."""
+        """How far the farthest other place at the device is off `device`; None without both."""
         device = self.temperature_degC[DEVICE]
         away = [
             abs(degC - device)
             for place, degC in self.temperature_degC.items()
-            if place != DEVICE and is_at_device(place)
+            if place != DEVICE and is_at_device(place) and math.isfinite(degC - device)
         ]
         return max(away, default=None)
 
@@ -53,8 +58,31 @@ class AtPlaces:
 def at_places(when: str, rows: NDArray[Any], corrected: Corrected) -> AtPlaces:
     """Return the means of recorded rows, shape (n,), by place; the bench's corrections applied."""
     columns = places_in(rows.dtype.names or ())
-    means = {place: corrected(float(rows[name].mean())) for place, name in columns.items()}
-    return AtPlaces(when, means)
+    read = means([rows[name].tolist() for name in columns.values()])
+    return AtPlaces(when, dict(zip(columns, map(corrected, read), strict=True)))
+
+
+def means(read: Iterable[Sequence[float]]) -> list[float]:
+    """Return the means of what was read at each place at the same times, NaN without.
+
+    Of times at which some place read no number none counts, for means of other times differ by more
+    than the places do. A place that never read one keeps no other from its mean.
+    """
+    by_place = [*read]
+    alive = [own for own in by_place if any(map(math.isfinite, own))]
+    whole = [all(map(math.isfinite, at)) for at in zip(*alive, strict=True)]
+    count = sum(whole)
+    return [
+        math.fsum(compress(own, whole)) / count
+        if count and any(map(math.isfinite, own))
+        else math.nan
+        for own in by_place
+    ]
+
+
+def has_places(rows: NDArray[Any]) -> bool:
+    """Whether recorded rows of a thermometer are of several places."""
+    return len(places_in(rows.dtype.names or ())) > 1
 
 
 def recorded_rows(folder: RunFolder, unit: str) -> NDArray[Any] | None:
@@ -63,7 +91,20 @@ def recorded_rows(folder: RunFolder, unit: str) -> NDArray[Any] | None:
         rows = folder.rows(THERMOMETER, unit)
     except MissingRows:
         return None
-    return rows if len(places_in(rows.dtype.names or ())) > 1 else None
+    return rows if has_places(rows) else None
+
+
+def record_uses(bench: Bench) -> tuple[RecordUse, ...]:
+    """Return what the spread takes of the record of a bench's thermometer with places.
+
+    Errors that its places share are in no difference, and those against one another are in the
+    spread as it was read: no part of u lacks without a record.
+    """
+    if not has_setting(bench, THERMOMETER, PLACES):
+        return ()
+    at_device = [*filter(is_at_device, bench.instruments[THERMOMETER].settings[PLACES])]
+    counts = len(at_device) > 1
+    return (RecordUse(THERMOMETER, "temperature", USUAL_DEGC, "degC", counts, needed=False),)
 
 
 def corrected_by(bench: Bench) -> Corrected:
@@ -79,11 +120,10 @@ def at_points(folder: RunFolder, units: Iterable[str], bench: Bench) -> tuple[At
     far = widest(each)
     if not each:
         return ()
-    means = {
-        place: sum(reading.temperature_degC[place] for reading in each) / len(each)
-        for place in each[0].temperature_degC
-    }
-    return (AtPlaces("all points", means), *([] if far is None else [far]))
+    places = [*each[0].temperature_degC]
+    read = means([[reading.temperature_degC[place] for reading in each] for place in places])
+    whole = AtPlaces("all points", dict(zip(places, read, strict=True)))
+    return (whole, *([] if far is None else [far]))
 
 
 def widest(readings: Iterable[AtPlaces]) -> AtPlaces | None:
@@ -121,14 +161,17 @@ def table_of(readings: Sequence[AtPlaces]) -> Iterator[Table]:
     places, rows = list(readings[0].temperature_degC), []
     for reading in readings:
         spread = "" if reading.spread_degC is None else f"{reading.spread_degC:.3f}"
-        degC = [f"{value:.3f}" for value in reading.temperature_degC.values()]
+        degC = [
+            f"{value:.3f}" if math.isfinite(value) else ""
+            for value in reading.temperature_degC.values()
+        ]
         rows.append([reading.when, *degC, spread])
     yield Table(
         "Temperatures by place",
-        "What the thermometer read at each of its places, and how far the farthest place at the "
-        "device is off `device`. The temperature that counts is taken to lie anywhere as far from "
-        "`device` as the largest of these: its standard uncertainty in the budget is that over the "
-        "square root of 3.",
+        "What the thermometer read at each of its places, as its calibration record corrects it, "
+        "and how far the farthest place at the device is off `device`. The temperature that counts "
+        "is taken to lie anywhere as far from `device` as the largest of these: its standard "
+        "uncertainty in the budget is that over the square root of 3.",
         ["when", *(f"{place}, degC" for place in places), "spread over the device, degC"],
         rows,
     )

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.common.places import THERMOMETER, AtPlaces, at_places, corrected_by, widest
+from procedures.common.places import AtPlaces, at_places, corrected_by, has_places, widest
+from procedures.common.stage_and_meter import THERMOMETER
 from station.errors import MissingRows
 
 from .dataset import AXES, FogDataset, TurnTable
@@ -153,9 +154,9 @@ def places(folder: RunFolder, bench: Bench) -> Iterator[AtPlaces]:
 
 
 def recorded_between(folder: RunFolder, unit: str) -> NDArray[Any] | None:
-    """Return the rows of the thermometer that belong to no turn; None where there are none."""
+    """Return the rows of places that belong to no turn; None where there are none."""
     blocks = folder.recorded_blocks(THERMOMETER, unit)
-    if not blocks:
+    if not (blocks and has_places(blocks[0])):
         return None
     rows = np.concatenate(blocks)
     return rows[np.argsort(rows[ARRIVAL], kind="stable")]

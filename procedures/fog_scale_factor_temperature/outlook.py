@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.places import record_uses
 from station.files.faults import FaultList
 from station.procedure import Problem, RecordUse
 from station.report.numbers import format_number
@@ -57,11 +58,13 @@ class Expectation:
 def records(parameters: FogParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records.
 
-    That a turn of the table is whole; how well the navigator reads the gyros' temperature.
+    That a turn of the table is whole; how well the navigator reads the gyros' temperature, and a
+    thermometer with places that of the device.
     """
     return (
         RecordUse(TABLE, "angle", FULL_TURN_DEG, "deg", corrected=False),
         RecordUse(NAVIGATOR, "temperature", ROOM_DEGC, "degC", needed=False, corrected=False),
+        *record_uses(bench),
     )
 
 

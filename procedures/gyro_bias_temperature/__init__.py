@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from procedures.common.gyro_source import GYRO
+from procedures.common.places import record_uses
 from station.procedure import LazyImport, Procedure, RecordUse, ResultKind
 
 from .parameters import UNITS, BiasTemperatureParameters
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 def records(parameters: BiasTemperatureParameters, bench: Bench) -> tuple[RecordUse, ...]:
     """Return what the analysis takes of calibration records."""
-    return (RecordUse(GYRO, "scale", 1.0, "1"),)
+    return (RecordUse(GYRO, "scale", 1.0, "1"), *record_uses(bench))
 
 
 def outlook(parameters: BiasTemperatureParameters) -> Sequence[str]:

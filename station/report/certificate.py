@@ -42,6 +42,7 @@ from station.report.run_report import instrument_rows, time_of_day, version_rows
 from station.report.seal import seal
 from station.report.sheet import Block, Section, Sheet, grid, pairs, sentences
 from station.results import ResultDocument
+from station.roles.multimeter import DEVICE, places_in
 from station.texts import AsTyped
 from station.units import UnitError, parse_as
 
@@ -55,7 +56,7 @@ SET_POINT = "set_point"
 """Columns that begin so were commanded, not measured."""
 AXIS = 1
 """The column of the results that is left out where it is empty."""
-USED_ONLY = "Used, but in no budget of a result"
+USED_ONLY = "Used, with no certificate in a budget of a result"
 NO_DEVIATION = "The plan states no deviation from the method."
 REPRODUCTION = (
     "This certificate may be reproduced in full only, unless the laboratory agrees in writing."
@@ -179,7 +180,8 @@ def recorded_conditions(folder: RunFolder) -> Iterator[RecordedCondition]:
     for source, column, values in series.ranges():
         what, _, unit = column.rpartition("_")
         low, mean, high = (round(value, AMBIENT_PLACES) for value in values)
-        quantity = what.replace("_", " ")
+        place = next(iter(places_in([column])), DEVICE)
+        quantity = what.replace("_", " ") if place == DEVICE else f"temperature, {place}"
         yield RecordedCondition(source, quantity, low, mean, high, AMBIENT_UNITS[unit])
 
 

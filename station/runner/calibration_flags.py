@@ -65,7 +65,7 @@ def record_flags(
             "is at best inconclusive. Measure within the range, or have it calibrated there.",
             details={"instrument": use.instrument, "quantity": use.quantity, "value": at},
         )
-    for name in procedure.walk(parameters).instruments:
+    for name in procedure.walk(parameters).used_on(bench):
         unused = [
             f"{kind} of {quantity}"
             for kind, quantity in bench.statements(name)

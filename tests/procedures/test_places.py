@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from fog_runs import short_run
 from plan_runs import run_of, shipped_bench, shipped_plan
 
@@ -22,12 +23,17 @@ from procedures.common.places import (
 )
 from procedures.gyro_bias_temperature import dataset as of_gyro
 from station.findings import Estimate
+from station.instruments.bench import read_bench
 from station.method.dry_run import DryRun
 from station.procedure import procedure_of
 from station.record.folder import RunFolder
+from station.registry import DRIVERS, names
+from station.report.certificate import certificate_of_run
 from station.results import Result
+from station.runner.calibration_flags import record_flags
 from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
+from station.texts import Texts
 from station.uncertainty import combine
 
 GYRO, FOG = "gyro-bias-temperature", "fog-scale-factor-temperature"
@@ -39,6 +45,7 @@ SHORT = {
     "ramp_down": "1 degC/min",
 }
 SPREAD_K = 0.8
+CHANNELS = (101, 102, 103)
 
 
 def rows_of(**degC: float) -> np.ndarray:
@@ -71,6 +78,21 @@ def test_a_single_place_at_the_device_says_nothing_of_a_spread() -> None:
     (table,) = table_of([alone])
     assert table.rows == [["soak 1", "20.000", "25.000", ""]]
     assert list(table_of([])) == []
+
+
+def test_a_sensor_that_reads_no_number_for_a_while_counts_where_it_does() -> None:
+    rows = rows_of(device=20.0, device_far=20.2, device_top=19.5)
+    whole = at_places("soak 1", rows, lambda degC: degC)
+    rows["temperature_degC"][2:] += 5.0
+    rows["device_far_temperature_degC"][2:] = math.nan
+    rows["device_top_temperature_degC"] = math.nan
+    part = at_places("soak 2", rows, lambda degC: degC)
+    assert part.spread_degC == pytest.approx(0.2) and widest([part, whole]) is whole
+    (table,) = table_of([part])
+    assert table.rows == [["soak 2", "20.000", "20.200", "", "0.200"]]
+    rows["temperature_degC"] = math.nan
+    none = at_places("soak 3", rows, lambda degC: degC)
+    assert none.spread_degC is None and list(gradient_inputs([none])) == []
 
 
 def test_a_result_depends_on_the_spread_as_on_an_offset_of_the_thermometer() -> None:
@@ -159,6 +181,40 @@ def test_all_places_are_recorded_and_stand_in_the_report(outcome: Outcome) -> No
     rows = folder.rows(THERMOMETER, "soak 2")
     # Every minute, and what is begun is fetched at the next look.
     assert 0.8 * 40 < len(rows) <= 41
+
+
+def test_what_is_not_used_of_the_record_of_a_scanner_is_named(tmp_path: Path) -> None:
+    procedure, plan = procedure_of(GYRO), shipped_plan(GYRO)
+    parameters = procedure.parameters.model_validate(plan["parameters"])
+
+    def unused(*places: str) -> list[Any]:
+        raw = bench_with(SPREAD_K)
+        raw["instruments"][THERMOMETER]["settings"]["places"] = dict(
+            zip(places, CHANNELS, strict=False)
+        )
+        file = tmp_path / "bench.yaml"
+        file.write_text(yaml.safe_dump(raw, sort_keys=False), encoding="utf-8")
+        flags = record_flags(procedure, parameters, read_bench(file, names(DRIVERS)))
+        return [
+            flag.details["unused"]
+            for flag in flags
+            if flag.details.get("instrument") == THERMOMETER
+        ]
+
+    assert unused("device", "device_far", "chamber") == []
+    assert unused("device", "chamber") == [["uncertainty of temperature"]]
+
+
+def test_a_certificate_rests_on_the_scanner_and_names_its_places(outcome: Outcome) -> None:
+    folder = RunFolder(outcome.folder)
+    certificate = certificate_of_run(folder, evaluate_run(folder)[0])
+    assert [row[2] for row in certificate.traceability if row[0] == THERMOMETER] == [
+        "SIM-PT100-0002"
+    ]
+    assert THERMOMETER not in [row[0] for row in certificate.other_instruments]
+    read = [own.quantity for own in certificate.ambient if own.source == THERMOMETER]
+    assert sorted(read) == ["temperature", "temperature, chamber", "temperature, device_far"]
+    assert Texts("zh")(read[-1]).startswith("温度，")
 
 
 class Shifted(RunFolder):
