@@ -47,7 +47,7 @@ def test_second_models_recover_the_true_scale_factor(tmp_path: Path) -> None:
     error_ppm = found.estimate.value - fog_curve_ppm(truth, "z", 25.0)
     assert abs(error_ppm) < found.combined.expanded_uncertainty
     opened = RunFolder(outcome.folder).events_of("identified")
-    used = {"thermal_chamber", "turntable", "navigator", "dut_power", CHAIN}
+    used = {"thermal_chamber", "thermometer", "turntable", "navigator", "dut_power", CHAIN}
     assert {one.details["instrument"] for one in opened} == used
 
 

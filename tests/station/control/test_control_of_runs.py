@@ -48,7 +48,8 @@ def state(run: Path) -> str:
 def test_a_served_run_is_paused_goes_on_and_is_aborted_in_the_middle_of_a_unit(
     tmp_path: Path,
 ) -> None:
-    plan = short_plan(tmp_path, axes=["IA", "NA"], **SHORT)
+    # Six seconds of real time a unit, so that a busy computer, too, aborts in its middle.
+    plan = short_plan(tmp_path, axes=["IA", "NA"], **{**SHORT, "duration": "150 s"})
     with (
         world(tmp_path, SPEED) as bench,
         running(plan, "--served", bench.head, parent=tmp_path / "runs") as (process, run),
