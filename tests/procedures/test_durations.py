@@ -17,8 +17,9 @@ from station.record.events import read_events
 from station.record.layout import EVENTS
 
 WITHIN = 0.01
-EXCHANGES_S = 0.6
-"""What asking the instruments of a step takes beside all that it waits for."""
+EXCHANGES_S = 1.0
+"""What asking the instruments of a step takes beside all that it waits for: of three BOPs, that
+answer each message after 25 ms, three quarters of a second."""
 
 
 def step_times(run: Path) -> list[tuple[str, Duration, float]]:
