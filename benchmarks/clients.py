@@ -130,12 +130,13 @@ def pymeasure(path: str, *parts: str, without: str = "$^", **keywords: object) -
 
 def leave_nothing_on(resource: Any) -> None:
     """Read what a client asked for and left, so that its next answer is the next question's."""
+    import pyvisa
+
     usual, resource.timeout = resource.timeout, 20
-    try:
+    with suppress(pyvisa.VisaIOError):
         while True:
             resource.read_raw()
-    except Exception:
-        resource.timeout = usual
+    resource.timeout = usual
 
 
 def of_pymeasure(client: Any, parts: Iterable[str]) -> Iterator[Attempt]:

@@ -41,9 +41,9 @@ from sim_instruments.acutronic.language import (
     whole,
 )
 from sim_instruments.acutronic.limits import Limits
-from sim_instruments.acutronic.table import TableData
+from sim_instruments.acutronic.table import AclTableData
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
-from sim_instruments.generic.table_axis import Encoder
+from sim_instruments.generic.table_axis import Encoder, let_faults_act
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError
 from sim_instruments.wire.requests import LineInstrument
@@ -72,9 +72,8 @@ class Acutrol3000(LineInstrument):
     """The controller, whose axes turn those of the world's `table`, or axes of its own.
 
     Truth (`simulator` mapping): what `Answers` of `sim_instruments.acutronic.answers`, `Limits` of
-    `limits` and `TableData` of `table` there take; `mode_home`; and `axis_1` to `axis_3`, as many
-    as there are, each as `Encoder` of
-    `sim_instruments.generic.table_axis`.
+    `limits` and `AclTableData` of `table` there take; `mode_home`; and `axis_1` to `axis_3`, as
+    many as there are, each as `Encoder` of `sim_instruments.generic.table_axis`.
     """
 
     model = "Acutronic ACUTROL3000"
@@ -87,7 +86,7 @@ class Acutrol3000(LineInstrument):
         self._answers = Answers(truth)
         self._mode_home = truth.word("mode_home", HOMES, HOMES[0])
         self._identity = f"Acutronic R&D USA,Acutrol3000,{setting.serial},{FIRMWARE}"
-        table, world = TableData(truth), setting.world.find(Table)
+        table, world = AclTableData(truth), setting.world.find(Table)
         self.axes = Axes()
         for n in range(1, 4):
             if f"axis_{n}" not in truth:
@@ -103,8 +102,7 @@ class Acutrol3000(LineInstrument):
         self._status_byte = self._events = 0
         limits = Limits(truth, self.axes, table)
         self._language = Language({**self._commands(), **limits.commands()})
-        setting.faults.when_changed(FollowingError.kind, self._falls_behind)
-        setting.faults.when_changed(Stuck.kind, self._sticks)
+        let_faults_act(setting, self.axes.values())
         setting.faults.when_changed(EmergencyStop.kind, self._emergency)
         self.begin_to_serve(setting)
 
@@ -251,16 +249,6 @@ class Acutrol3000(LineInstrument):
     def _take_events(self, given: list[str]) -> str:
         events, self._events = self._events, 0
         return str(events)
-
-    def _falls_behind(self, time_s: float, fault: LastingFault | None) -> None:
-        for axis in self.axes.values():
-            axis.falls_behind = False
-            if fault is not None:
-                axis.fall_behind(time_s)
-
-    def _sticks(self, time_s: float, fault: LastingFault | None) -> None:
-        for axis in self.axes.values():
-            axis.stick(time_s, fault is not None)
 
     def _emergency(self, time_s: float, fault: LastingFault | None) -> None:
         for axis in self.axes.values():

@@ -26,11 +26,17 @@ from sim_instruments.acutronic.language import (
 )
 from sim_instruments.acutronic.table import (
     TRIP_ABOVE,
+    AclTableData,
     Demands,
     ModeLimits,
-    TableData,
 )
-from sim_instruments.generic.table_axis import Encoder, pieces, too_far_from_s, too_fast_from_s
+from sim_instruments.generic.table_axis import (
+    EncodedAxis,
+    Encoder,
+    pieces,
+    too_far_from_s,
+    too_fast_from_s,
+)
 from sim_instruments.world.rotation import RotationHistory
 
 MODES = ("OFF", "POSITION", "RATE", "ARATE", "SYNTHESIS", "TRACK", "ABORT")
@@ -57,22 +63,20 @@ class Status:
     fault: int = 0
 
 
-class Axis:
-    """One axis whose true angle is a `RotationHistory` of the simulated world."""
+class Axis(EncodedAxis):
+    """One axis with its servo and its status."""
 
     def __init__(
         self,
-        table: TableData,
+        table: AclTableData,
         encoder: Encoder,
         rotation: RotationHistory | None,
         rng: np.random.Generator,
         now: Callable[[], float],
     ) -> None:
-        self._table, self.encoder, self._rng, self._now = table, encoder, rng, now
-        self._rotation = rotation if rotation is not None else RotationHistory(encoder.start_deg)
-        if not encoder.referenced:
-            encoder.lost_deg = encoder.reads(self._true_deg(now()))
-        self._plan = RotationHistory(encoder.reads(self._true_deg(now())))
+        super().__init__(table, encoder, rotation, rng, now)
+        self._table = table
+        self._plan = RotationHistory(encoder.reads(self.true_deg(now())))
         self.mode = "OFF"
         self.demands = Demands(position=self._plan_deg())
         half = table.largest_acceleration / 2
@@ -104,7 +108,7 @@ class Axis:
             self._freeze(SOFTWARE_ABORT, fault)
         if self._zero_s is not None and now_s >= self._zero_s:
             self._zero_s, self.encoder.lost_deg = None, 0.0
-            self._plan.put(now_s, self.encoder.reads(self._true_deg(now_s)))
+            self._plan.put(now_s, self.encoder.reads(self.true_deg(now_s)))
 
     def status(self) -> Status:
         """Return the registers, as they were at the last break until they are reset."""
@@ -122,21 +126,8 @@ class Axis:
 
     def position_deg(self) -> float:
         """Return a reading of the encoder, within a turn where the axis is continuous."""
-        true_deg = self._true_deg(self._now())
-        noise_deg = self._table.encoder_noise_deg * float(self._rng.standard_normal())
-        step_deg = self._table.resolution_deg
-        reading = round((self.encoder.reads(true_deg) + noise_deg) / step_deg) * step_deg
+        reading = self.reading_deg()
         return reading % 360.0 if self.encoder.continuous else reading
-
-    def rate_deg_per_s(self) -> float:
-        """Return the rate as the controller measures it, by its own clock."""
-        _, true = self._rotation.now_at(self._now())
-        noise = self._table.rate_noise * float(self._rng.standard_normal())
-        return true / (1 + self._table.rate_error) + noise
-
-    def turns(self) -> bool:
-        """Return whether the axis truly turns, or will without another command."""
-        return self._now() < self._rotation.at_rest_from_s
 
     def close(self) -> None:
         """Close the servo, which takes a moment; the axis then holds where it is, mode off."""
@@ -172,9 +163,9 @@ class Axis:
         """Be blocked where it stands, or be free again and stay there."""
         self.stuck = stuck
         if stuck:
-            self._rotation.halt(time_s)
+            self.rotation.halt(time_s)
         else:
-            self._plan.put(time_s, self.encoder.reads(self._true_deg(time_s)))
+            self._plan.put(time_s, self.encoder.reads(self.true_deg(time_s)))
 
     def set_mode(self, mode: str) -> None:
         """Change the mode; what was demanded of it before holds at once."""
@@ -230,7 +221,7 @@ class Axis:
 
     def acceleration(self) -> float:
         """Return the true acceleration, in deg/s^2."""
-        return next(pieces(self._rotation, self._now()))[-1]
+        return next(pieces(self.rotation, self._now()))[-1]
 
     def interlock(self) -> str:
         """Return how the interlock of the axis stands."""
@@ -265,7 +256,7 @@ class Axis:
         acceleration = limits.acceleration
         self._profiled_s = self._plan.turn_at(now_s, rate, acceleration)
         if not self.stuck:
-            self._rotation.turn_at(now_s + delay_s, rate, acceleration)
+            self.rotation.turn_at(now_s + delay_s, rate, acceleration)
         self._look_ahead(now_s, bool(rate))
 
     def _go(self, now_s: float, reading_deg: float) -> None:
@@ -276,7 +267,7 @@ class Axis:
         if not self.stuck:
             true_deg = self.encoder.true_at(reading_deg)
             begin_s = now_s + self._table.delay_s
-            self._rotation.move_to(begin_s, true_deg, limits.rate, acceleration)
+            self.rotation.move_to(begin_s, true_deg, limits.rate, acceleration)
         self._look_ahead(now_s, moves)
 
     def _look_ahead(self, now_s: float, moves: bool) -> None:
@@ -300,7 +291,7 @@ class Axis:
         self._trip = self._zero_s = None
         brake = TRIP_BRAKE * self._table.largest_acceleration
         self._plan.stop(time_s, brake)
-        self._rotation.stop(time_s, brake)
+        self.rotation.stop(time_s, brake)
 
     def _freeze(self, state: int, fault: int) -> None:
         mode = MODES.index("ABORT")
@@ -318,9 +309,6 @@ class Axis:
 
     def _plan_deg(self) -> float:
         return self._plan.now_at(self._now())[0]
-
-    def _true_deg(self, time_s: float) -> float:
-        return self._rotation.now_at(time_s)[0]
 
 
 class Axes(dict[int, Axis]):

@@ -20,7 +20,7 @@ from sim_instruments.acutronic.language import (
     number,
     whole,
 )
-from sim_instruments.acutronic.table import TRIP_ABOVE, TableData
+from sim_instruments.acutronic.table import TRIP_ABOVE, AclTableData
 from sim_instruments.truth import Truth
 
 OF_A_MODE = {"Rate": "rate", "Acceleration": "acceleration", "Jerk": "jerk"}
@@ -43,7 +43,7 @@ FORMS = ("either", "mode", "axis")
 class Limits:
     """What the axes may do in each mode, and how that is set and asked."""
 
-    def __init__(self, truth: Truth, axes: Axes, table: TableData) -> None:
+    def __init__(self, truth: Truth, axes: Axes, table: AclTableData) -> None:
         self._axes, self._table = axes, table
         self._form = truth.word("limits_by", FORMS, FORMS[0])
         self._absolutes = truth.integer("absolute_limits", 6, 7)

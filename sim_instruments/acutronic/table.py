@@ -4,33 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.generic.table_axis import TableData
+from sim_instruments.truth import Truth
 
 TRIP_ABOVE = 1.2
 """The largest velocity trip, in the axis' largest rate."""
 
 
-class TableData:
-    """What the axes of a table have in common; truth of the bench file.
+class AclTableData(TableData):
+    """That and what an ACUTROL adds; truth of the bench file.
 
-    `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
-    a reading; `encoder_noise` (rms) and `resolution`; `tracking_delay`, how late the axis follows
-    its profile; `settling`, how long after its end a profile counts as complete; `tracking_bit`,
-    in which a tracking fault is reported: 2, or 12 before build 1848.
+    `settling`, how long after its end a profile counts as complete; `tracking_bit`, in which a
+    tracking fault is reported: 2, or 12 before build 1848.
     """
 
     def __init__(self, truth: Truth) -> None:
-        self.largest_rate = truth.positive("maximum_rate", "deg/s")
-        self.largest_acceleration = truth.positive("maximum_acceleration", "deg/s^2")
-        self.rate_error = truth.quantity("rate_error", "1")
-        self.rate_noise = truth.quantity("rate_noise", "deg/s")
-        self.encoder_noise_deg = truth.quantity("encoder_noise", "deg")
-        self.resolution_deg = truth.positive("resolution", "deg")
-        self.delay_s = truth.quantity("tracking_delay", "s")
-        self.settling_s = truth.quantity("settling", "s")
+        super().__init__(truth)
+        self.settling_s = self.time_s(truth, "settling")
         self.tracking_error = 1 << truth.integer("tracking_bit", 2, 2)
-        if min(self.delay_s, self.settling_s) < 0:
-            raise SimulationError(f"{truth.where}: times must not be negative")
 
 
 @dataclass

@@ -3,11 +3,42 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
+from typing import Protocol
 
-from sim_instruments.truth import Truth
+import numpy as np
+
+from sim_instruments.faults.lasting import FollowingError, LastingFault, Stuck
+from sim_instruments.instrument import Setting
+from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.rotation import RotationHistory
+
+
+class TableData:
+    """What the axes of a table have in common; truth of the bench file.
+
+    `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
+    a reading; `encoder_noise` (rms) and `resolution`; `tracking_delay`, how late an axis follows
+    its profile.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self.largest_rate = truth.positive("maximum_rate", "deg/s")
+        self.largest_acceleration = truth.positive("maximum_acceleration", "deg/s^2")
+        self.rate_error = truth.quantity("rate_error", "1")
+        self.rate_noise = truth.quantity("rate_noise", "deg/s")
+        self.encoder_noise_deg = truth.quantity("encoder_noise", "deg")
+        self.resolution_deg = truth.positive("resolution", "deg")
+        self.delay_s = self.time_s(truth, "tracking_delay")
+
+    @staticmethod
+    def time_s(truth: Truth, name: str) -> float:
+        """Return a time of the truth, in s; SimulationError for one below zero."""
+        seconds = truth.quantity(name, "s")
+        if seconds < 0:
+            raise SimulationError(f"{truth.where}: times must not be negative")
+        return seconds
 
 
 class Encoder:
@@ -43,6 +74,74 @@ class Encoder:
         """Return the true angle at which the encoder reads an angle."""
         near_deg = reading_deg - self.offset_deg + self.lost_deg
         return near_deg - self.sine_deg * math.sin(math.radians(near_deg) + self.phase_rad)
+
+
+class EncodedAxis:
+    """Where an axis truly is, a `RotationHistory` of the world, and what its controller reads."""
+
+    def __init__(
+        self,
+        data: TableData,
+        encoder: Encoder,
+        rotation: RotationHistory | None,
+        rng: np.random.Generator,
+        now: Callable[[], float],
+    ) -> None:
+        self._data, self.encoder, self._rng, self._now = data, encoder, rng, now
+        self.rotation = rotation if rotation is not None else RotationHistory(encoder.start_deg)
+        if not encoder.referenced:
+            encoder.lost_deg = encoder.reads(self.true_deg(now()))
+
+    def true_deg(self, time_s: float) -> float:
+        """Return the true angle at a time, turns counted."""
+        return self.rotation.now_at(time_s)[0]
+
+    def reading_deg(self) -> float:
+        """Return a reading of the encoder, turns counted."""
+        noise_deg = self._data.encoder_noise_deg * float(self._rng.standard_normal())
+        step_deg = self._data.resolution_deg
+        reads_deg = self.encoder.reads(self.true_deg(self._now()))
+        return round((reads_deg + noise_deg) / step_deg) * step_deg
+
+    def rate_deg_per_s(self) -> float:
+        """Return the rate as the controller measures it, by its own clock."""
+        _, true = self.rotation.now_at(self._now())
+        noise = self._data.rate_noise * float(self._rng.standard_normal())
+        return true / (1 + self._data.rate_error) + noise
+
+    def turns(self) -> bool:
+        """Return whether the axis truly turns, or will without another command."""
+        return self._now() < self.rotation.at_rest_from_s
+
+
+class Faulted(Protocol):
+    """An axis on which the faults of a table act."""
+
+    falls_behind: bool
+
+    def fall_behind(self, time_s: float) -> None:
+        """Fall behind the profile."""
+
+    def stick(self, time_s: float, stuck: bool) -> None:
+        """Be blocked where it stands, or free again."""
+
+
+def let_faults_act(setting: Setting, axes: Iterable[Faulted]) -> None:
+    """Let following errors and blocks of a table act on all its axes, from when they are there."""
+    every = [*axes]
+
+    def behind(time_s: float, fault: LastingFault | None) -> None:
+        for axis in every:
+            axis.falls_behind = False
+            if fault is not None:
+                axis.fall_behind(time_s)
+
+    def stuck(time_s: float, fault: LastingFault | None) -> None:
+        for axis in every:
+            axis.stick(time_s, fault is not None)
+
+    setting.faults.when_changed(FollowingError.kind, behind)
+    setting.faults.when_changed(Stuck.kind, stuck)
 
 
 def pieces(

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim_instruments.generic.table_axis import Encoder, too_far_from_s
-from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.generic.table_axis import EncodedAxis, Encoder, TableData, too_far_from_s
+from sim_instruments.truth import Truth
 from sim_instruments.world.rotation import RotationHistory
 
 HOMES = ("done", "never", "refused")
@@ -28,33 +28,20 @@ class Refused(Exception):
     """A command that the controller does not take."""
 
 
-class TableData:
-    """What the axes of a table have in common; truth of the bench file.
-
-    `maximum_rate`, `maximum_acceleration`; `rate_error` of the controller's clock; `rate_noise` of
-    a reading; `encoder_noise` (rms) and `resolution`; `tracking_delay`, how late an axis follows
-    its profile; `home`, what HOM does: `done`, `never` ends, or is `refused`.
-    """
+class AtlTableData(TableData):
+    """That and `home`, what HOM does: `done`, `never` ends, or is `refused`."""
 
     def __init__(self, truth: Truth) -> None:
-        self.largest_rate = truth.positive("maximum_rate", "deg/s")
-        self.largest_acceleration = truth.positive("maximum_acceleration", "deg/s^2")
-        self.rate_error = truth.quantity("rate_error", "1")
-        self.rate_noise = truth.quantity("rate_noise", "deg/s")
-        self.encoder_noise_deg = truth.quantity("encoder_noise", "deg")
-        self.resolution_deg = truth.positive("resolution", "deg")
-        self.delay_s = truth.quantity("tracking_delay", "s")
+        super().__init__(truth)
         self.home = truth.word("home", HOMES, HOMES[0])
-        if self.delay_s < 0:
-            raise SimulationError(f"{truth.where}: times must not be negative")
 
 
-class Axis:
-    """One axis whose true angle is a `RotationHistory` of the simulated world."""
+class Axis(EncodedAxis):
+    """One axis with its motor."""
 
     def __init__(
         self,
-        table: TableData,
+        table: AtlTableData,
         encoder: Encoder,
         rotation: RotationHistory | None,
         rng: np.random.Generator,
@@ -62,11 +49,9 @@ class Axis:
         *,
         motor_on: bool,
     ) -> None:
-        self._table, self.encoder, self._rng, self._now = table, encoder, rng, now
-        self.rotation = rotation if rotation is not None else RotationHistory(encoder.start_deg)
-        if not encoder.referenced:
-            encoder.lost_deg = encoder.reads(self._true_deg())
-        self._plan = RotationHistory(encoder.reads(self._true_deg()))
+        super().__init__(table, encoder, rotation, rng, now)
+        self._table = table
+        self._plan = RotationHistory(encoder.reads(self.true_deg(self._now())))
         self.velocity = table.largest_rate / 2
         self.acceleration = table.largest_acceleration / 2
         self.pressed = self.falls_behind = self.stuck = False
@@ -96,22 +81,6 @@ class Axis:
         """Whether the profile is over and the axis stands."""
         over_s = max(self._planned_s, self._plan.at_rest_from_s)
         return self._zero_s is None and self._now() >= over_s + self._table.delay_s
-
-    def position_deg(self) -> float:
-        """Return a reading of the encoder, turns counted."""
-        noise_deg = self._table.encoder_noise_deg * float(self._rng.standard_normal())
-        step_deg = self._table.resolution_deg
-        return round((self.encoder.reads(self._true_deg()) + noise_deg) / step_deg) * step_deg
-
-    def rate_deg_per_s(self) -> float:
-        """Return the rate as the controller measures it, by its own clock."""
-        _, true = self.rotation.now_at(self._now())
-        noise = self._table.rate_noise * float(self._rng.standard_normal())
-        return true / (1 + self._table.rate_error) + noise
-
-    def turns(self) -> bool:
-        """Return whether the axis truly turns, or will without another command."""
-        return self._now() < self.rotation.at_rest_from_s
 
     def switch_on(self) -> None:
         """Switch the motor on, which takes a moment; the axis then holds where it is."""
@@ -173,7 +142,7 @@ class Axis:
 
     def count_from(self, reading_deg: float) -> None:
         """Have the encoder read an angle where it stands."""
-        self.encoder.lost_deg += self.encoder.reads(self._true_deg()) - reading_deg
+        self.encoder.lost_deg += self.encoder.reads(self.true_deg(self._now())) - reading_deg
         self._plan.put(self._now(), reading_deg)
 
     def search_zero(self) -> None:
@@ -230,6 +199,3 @@ class Axis:
 
     def _plan_deg(self) -> float:
         return self._plan.now_at(self._now())[0]
-
-    def _true_deg(self) -> float:
-        return self.rotation.now_at(self._now())[0]

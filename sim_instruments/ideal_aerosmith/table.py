@@ -22,8 +22,8 @@ from functools import partial
 from typing import Any, ClassVar
 
 from sim_instruments.faults.lasting import EmergencyStop, FollowingError, LastingFault, Stuck
-from sim_instruments.generic.table_axis import Encoder
-from sim_instruments.ideal_aerosmith.axis import Axis, Refused, TableData
+from sim_instruments.generic.table_axis import Encoder, let_faults_act
+from sim_instruments.ideal_aerosmith.axis import AtlTableData, Axis, Refused
 from sim_instruments.instrument import Setting
 from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.wire.requests import Conversation, LineInstrument, LineServer
@@ -81,8 +81,8 @@ class StopServer(LineServer):
 class IdealAerosmithTable(LineInstrument):
     """The controller, whose axes turn those of the world's `table`, or axes of its own.
 
-    Truth (`simulator` mapping): what `TableData` of `sim_instruments.ideal_aerosmith.axis` takes,
-    what `Forms` takes, and `axis_1` to `axis_3`, as many as there are, each as `Encoder` of
+    Truth (`simulator` mapping): what `AtlTableData` of `axis` there and `Forms` take, and
+    `axis_1` to `axis_3`, as many as there are, each as `Encoder` of
     `sim_instruments.generic.table_axis`.
     """
 
@@ -93,7 +93,7 @@ class IdealAerosmithTable(LineInstrument):
     def __init__(self, setting: Setting) -> None:
         truth, clock = setting.truth, setting.clock
         self._forms = Forms(truth)
-        data = TableData(truth)
+        data = AtlTableData(truth)
         idle_on = "SRV" in self._forms.unknown
         self.axes: dict[int, Axis] = {}
         for n in range(1, 4):
@@ -108,8 +108,7 @@ class IdealAerosmithTable(LineInstrument):
         self._largest = data
         self._kept: dict[tuple[str, int], float] = {}
         self._acts = self._commands()
-        setting.faults.when_changed(FollowingError.kind, self._falls_behind)
-        setting.faults.when_changed(Stuck.kind, self._sticks)
+        let_faults_act(setting, self.axes.values())
         setting.faults.when_changed(EmergencyStop.kind, self._emergency)
         self.begin_to_serve(setting)
 
@@ -221,7 +220,7 @@ class IdealAerosmithTable(LineInstrument):
         return take
 
     def _position(self, axis: Axis) -> str:
-        reading_deg = axis.position_deg()
+        reading_deg = axis.reading_deg()
         wraps = self._forms.wraps and axis.encoder.continuous
         return f"{reading_deg % 360.0 if wraps else reading_deg:.6f}"
 
@@ -243,16 +242,6 @@ class IdealAerosmithTable(LineInstrument):
 
     def _told(self, name: str, axis: Axis) -> str:
         return f"{self._kept.get((name, id(axis)), 0.0):g}"
-
-    def _falls_behind(self, time_s: float, fault: LastingFault | None) -> None:
-        for axis in self.axes.values():
-            axis.falls_behind = False
-            if fault is not None:
-                axis.fall_behind(time_s)
-
-    def _sticks(self, time_s: float, fault: LastingFault | None) -> None:
-        for axis in self.axes.values():
-            axis.stick(time_s, fault is not None)
 
     def _emergency(self, time_s: float, fault: LastingFault | None) -> None:
         for axis in self.axes.values():

@@ -56,7 +56,7 @@ class Bench(ServedInstrument):
 
     def rotation(self, axis: int) -> RotationHistory:
         """Return where an axis truly is."""
-        rotation: RotationHistory = self.served.axes[axis]._rotation
+        rotation: RotationHistory = self.served.axes[axis].rotation
         return rotation
 
     def driver(self, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Any:
