@@ -7,15 +7,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from sim_bench import BENCH, Line, ServedInstrument, served
+from sim_bench import BENCH, Line, served
+from table_bench import LIMITS, TABLE
+from table_bench import Bench as TableBench
 
 from drivers.ideal_aerosmith.rate_table import IdealAerosmithTable as Driver
 from sim_instruments.ideal_aerosmith.table import IdealAerosmithTable as Simulator
-from sim_instruments.world.rotation import RotationHistory
 from station.clock import VirtualClock
 
-TABLE, NAME = "turntable", "ideal-aerosmith"
-LIMITS = {"rate": 110.0, "acceleration": 50.0}
+NAME = "ideal-aerosmith"
 AXIS: dict[str, Any] = {
     "encoder_offset": "5 arcsec",
     "encoder_sine": "1 arcsec",
@@ -36,8 +36,8 @@ TRUTH: dict[str, Any] = {
 THREE: dict[str, Any] = {"axis_2": AXIS, "axis_3": {**AXIS, "angle_at_start": "359.9 deg"}}
 
 
-class Bench(ServedInstrument):
-    """A served bench with a table, and what a test needs of it."""
+class Bench(TableBench):
+    """A served bench with this table, and what a test needs of it."""
 
     axes = 1
 
@@ -46,32 +46,9 @@ class Bench(ServedInstrument):
         """The simulated table."""
         return self.served
 
-    def rotation(self, axis: int = 1) -> RotationHistory:
-        """Return where an axis truly is."""
-        rotation: RotationHistory = self.served.axes[axis].rotation
-        return rotation
-
     def driver(self, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Any:
         """Return the driver, opened."""
         return self.opened(limits, **{"axes": self.axes, **settings})
-
-    def homed(self, *axes: int, limits: Mapping[str, float] = LIMITS, **settings: Any) -> Any:
-        """Return the driver with axes homed, the first unless said."""
-        table = self.driver(limits, **settings)
-        for axis in axes or (1,):
-            table.home(axis)
-            self.wait(table, axis)
-            assert table.is_homed(axis)
-        return table
-
-    def wait(self, driver: Any, *axis: int, within_s: float = 1000.0) -> None:
-        """Wait until an axis stands still, the first unless said."""
-        super().wait(driver, *(axis or (1,)), within_s=within_s)
-
-    def wait_for_rate(self, table: Any, axis: int = 1) -> None:
-        """Wait until an axis has its rate."""
-        while not table.is_at_rate(axis):
-            self.clock.sleep(0.1)
 
 
 @contextmanager

@@ -54,7 +54,7 @@ class Bench(ServedInstrument):
 
     framing = "framed"
 
-    def rotation(self, axis: int) -> RotationHistory:
+    def rotation(self, axis: int = 1) -> RotationHistory:
         """Return where an axis truly is."""
         rotation: RotationHistory = self.served.axes[axis].rotation
         return rotation
