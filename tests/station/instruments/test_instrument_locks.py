@@ -366,7 +366,7 @@ def test_however_many_take_and_release_a_lock_at_once_one_has_it(
 @pytest.mark.campaign
 def test_a_run_of_a_served_bench_and_its_guardian_leave_no_file_of_a_lock(tmp_path: Path) -> None:
     (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
-    with world(tmp_path, 200.0) as served:
+    with world(tmp_path, 40.0) as served:
         options = ("--served", str(served.head), "--non-interactive", "--json")
         done = station(tmp_path, "run", "plan.yaml", *options)
     assert done.returncode == 0, done.stderr

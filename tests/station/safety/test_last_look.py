@@ -63,7 +63,17 @@ def test_a_supply_that_lies_about_everything_is_contradicted_by_the_field(
     refuse_until_acknowledged(bench)
 
 
-@pytest.mark.parametrize("after", quick(["0.3 s", "1 s", "3 s"], "3 s"))
+@pytest.mark.campaign
+def test_a_supply_that_comes_on_while_it_is_made_safe_is_switched_off_by_the_same_attempt(
+    tmp_path: Path,
+) -> None:
+    outcome, world = run_with(tmp_path, entry("comes-back", after="0.3 s"))
+    assert is_safe(world)
+    assert outcome.exit_code == 0, outcome.error
+    assert on_again(outcome) == []
+
+
+@pytest.mark.parametrize("after", quick(["1.5 s", "3 s"], "3 s"))
 def test_a_supply_that_comes_on_again_is_switched_off_again(after: str, tmp_path: Path) -> None:
     outcome, world = run_with(tmp_path, entry("comes-back", after=after))
     assert is_safe(world)
