@@ -232,6 +232,8 @@ class ThorlabsSc10(Driver):
                 "see that nobody works at its front panel, then run again",
             )
 
+        self.met(f"prompt {'with' if self._line.padded else 'without'} a blank")
+
     def _mode(self) -> int:
         return int(self._ask("mode?", str.isdecimal))
 

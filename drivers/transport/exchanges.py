@@ -137,6 +137,8 @@ class ExchangeLine(TracedLine, ABC):
         """The last question and its answer, which is in doubt where something comes after it."""
         self.doubts = 0
         """How often something was found that nobody had asked for."""
+        self.padded = False
+        """Whether `padding` has come behind an answer yet."""
         self.delays = 0
         """How often the line was opened anew or read until quiet, which takes time."""
         self._open()
@@ -373,6 +375,7 @@ class ExchangeLine(TracedLine, ABC):
 
     def _meant(self, came: bytes) -> bytes:
         """Return what came unasked if it could be taken for an answer: nothing where it is none."""
+        self.padded |= bool(came) and not came.strip(self.padding)
         return came if came.strip(self.padding) else b""
 
     def _forget_connection(self) -> None:

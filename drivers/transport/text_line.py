@@ -207,6 +207,7 @@ class TextLine(ExchangeLine):
             self._doubt(came, attempted)
             came_back = f"{shortened(text)!r} came back, more than one answer"
             raise self._doubtful(attempted, came_back)
+        self.padded |= bool(behind) or answer != answer.lstrip(padding)
         return answer.lstrip(padding).removesuffix(self._before_end)
 
     def _is_whole(self, answer: bytes) -> bool:

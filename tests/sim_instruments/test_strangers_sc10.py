@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from fixture import Fixture, standing
 from trigger_fixture import Room
+from variants import variant
 
 from drivers.thorlabs.sc10 import ThorlabsSc10
 from sim_instruments.thorlabs.sc10 import ThorlabsSc10 as Controller
@@ -45,17 +46,18 @@ def test_what_other_programs_ask_and_set(prompt: str) -> None:
 
 
 @pytest.mark.parametrize("prompt", ENDS)
-def test_the_driver_copes_with_either_prompt(prompt: str) -> None:
-    with controller(prompt) as fixture:
-        driver = ThorlabsSc10(fixture.place())
+def test_the_driver_copes_with_either_prompt_and_says_which_it_met(prompt: str) -> None:
+    with variant("pump_laser", "serf-nonorthogonality", prompt=prompt) as here:
+        driver = here.driver()
         assert driver.identify().firmware == "1.07"
         driver.open_shutter()
         assert driver.is_open()
         driver.close_shutter()
-        driver.make_safe(fixture.clock.now() + 5.0)
+        driver.make_safe(here.clock.now() + 5.0)
         assert driver.read_safety().safe
         assert driver._line.doubts == 0, "a blank is nothing"
         driver.close()
+        assert here.met() == [f"prompt {'with' if prompt == 'blank' else 'without'} a blank"]
 
 
 @pytest.mark.parametrize("prompt", ENDS)
