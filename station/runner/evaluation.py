@@ -6,7 +6,7 @@ import json
 import mmap
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -182,15 +182,19 @@ def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:
     return flags
 
 
+def units_in_words(units: Sequence[str]) -> str:
+    """Return the units of work that are finished: their names, or how many where they are many."""
+    if len(units) > MAX_UNITS:
+        return f"{len(units)} units of work, the last {units[-1]}"
+    return ", ".join(units) or "nothing"
+
+
 def flags_of_gaps(folder: RunFolder) -> Iterator[Flag]:
     """Yield a flag for each time the run was resumed, and where its software had changed."""
     for event in folder.events_of(RESUMED):
         details = event.details
-        units = details["units_finished"]
-        before = ", ".join(units) or "nothing"
+        before = units_in_words(details["units_finished"])
         backwards = {key: details[key] for key in ("backwards_s",) if key in details}
-        if len(units) > MAX_UNITS:
-            before = f"{len(units)} units of work, the last {units[-1]}"
         message = (
             f"The run stopped at {details['stopped_s']:.0f} s of run time and was resumed "
             f"{silence(details['silent_s'], backwards)} later; finished by then: {before}."

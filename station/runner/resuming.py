@@ -23,7 +23,13 @@ from station.record.folder import RESULTS, RunFolder, RunRecord
 from station.record.integrity import sentence_of
 from station.record.layout import EVENTS, RUN, covered_files, versions
 from station.recorded import read_plan_and_bench, used_instruments
-from station.runner.evaluation import evaluate_run, exit_code_of, runs_backwards, silence
+from station.runner.evaluation import (
+    evaluate_run,
+    exit_code_of,
+    runs_backwards,
+    silence,
+    units_in_words,
+)
 from station.runner.execute import (
     DRIVERS,
     SERVED_SINCE,
@@ -298,8 +304,7 @@ def sentences(
     """Yield what the operator should know before the run goes on."""
     yield f"{procedure.title}: {plan.dut.model} {plan.dut.serial}"
     yield f"resumed in {folder}, last heard from {ago} ago"
-    done = ", ".join(past.finished) or "nothing"
-    yield f"finished already, not measured again: {done}"
+    yield f"finished already, not measured again: {units_in_words(list(past.finished))}"
     if changed:
         listed = ", ".join(f"{name} {old} → {new}" for name, (old, new) in changed.items())
         yield f"WARNING: the software has changed since the run began: {listed}"

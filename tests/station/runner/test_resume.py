@@ -36,6 +36,7 @@ from station.record.events import REVISED
 from station.record.folder import RunFolder, RunRecord
 from station.record.layout import EVENTS, RUN
 from station.record.verification import verify
+from station.runner.evaluation import units_in_words
 from station.runner.execute import SERVED_SINCE, Request, conclude, execute
 from station.runner.outcome import Outcome
 from station.runner.resuming import ResumeRequest, resume, silent_since
@@ -429,3 +430,15 @@ def test_a_run_whose_evaluation_failed_is_evaluated_by_resume(
     outcome = go_on(folder)
     assert outcome.exit_code == 0, outcome.error
     assert results_of(folder) == results_of(reference)
+
+
+@pytest.mark.parametrize(
+    ("units", "words"),
+    [
+        ([], "nothing"),
+        (["warm-up", "IA"], "warm-up, IA"),
+        ([f"ramp {n}" for n in range(60)], "60 units of work, the last ramp 59"),
+    ],
+)
+def test_many_finished_units_are_counted_not_listed(units: list[str], words: str) -> None:
+    assert units_in_words(units) == words
