@@ -25,10 +25,14 @@ SECTIONS: dict[str, type[World]] = {
 
 
 class CommissioningBench(WorldsTogether):
-    """The worlds of the methods whose devices a bench describes, with door and contacts."""
+    """The worlds of the methods whose devices a bench describes, with door and contacts.
+
+    Whoever switches the device under test on gives power to the one that was mounted last.
+    """
 
     def __init__(self, truth: Truth) -> None:
         super().__init__(truth, SECTIONS)
+        self._mounted = ""
         opened, closed = (partial(self._door, is_open) for is_open in (True, False))
         self.acts["open-door"] = (opened, "The simulated chamber's door was opened.")
         for act in ("close-door", "close-door-again"):
@@ -42,6 +46,19 @@ class CommissioningBench(WorldsTogether):
         self.acts["open-contact-thermal_chamber-door"] = self.acts["open-door"]
         self.acts["close-contact-thermal_chamber-door"] = self.acts["close-door"]
         self.acts["reconnect"] = (nothing, "The simulated data cable was put back.")
+
+    def act(self, prompt_id: str, time_s: float) -> str:
+        """Do what a person was asked to do, in every world that knows it."""
+        if prompt_id.startswith("mount"):
+            self._mounted = prompt_id
+        return super().act(prompt_id, time_s)
+
+    def knowing(self, prompt_id: str) -> list[World]:
+        """Return the worlds that know an act; of switching on, those whose device is mounted."""
+        known = super().knowing(prompt_id)
+        if prompt_id != "dut-power-on" or not self._mounted:
+            return known
+        return [world for world in known if self._mounted in world.acts]
 
     def _door(self, is_open: bool, time_s: float) -> None:
         chamber = self.find(Chamber)

@@ -65,11 +65,15 @@ class WorldsTogether(World):
 
     def act(self, prompt_id: str, time_s: float) -> str:
         """Do what a person was asked to do, in every world that knows it."""
-        knowing = [world for world in self._worlds if prompt_id in world.acts]
+        knowing = self.knowing(prompt_id)
         if not knowing or prompt_id in self.acts:
             return super().act(prompt_id, time_s)
         sentences = [world.act(prompt_id, time_s) for world in knowing]
         return sentences[0]
+
+    def knowing(self, prompt_id: str) -> list[World]:
+        """Return the worlds that know an act."""
+        return [world for world in self._worlds if prompt_id in world.acts]
 
     def _table_changed(self, time_s: float) -> None:
         for world in self._worlds:

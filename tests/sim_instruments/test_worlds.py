@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from our_drivers import shipped
 
 from sim_instruments.bench import SimulatedBench, installed_worlds, world_of
-from sim_instruments.truth import SimulationError
+from sim_instruments.truth import SimulationError, Truth
 from sim_instruments.world.base import Room, TriggerLine
 from sim_instruments.world.chamber import Chamber
+from sim_instruments.world.laser_gyro import LaserGyroBench
+from sim_instruments.world.nine_axis import NineAxisBench
 from station.clock import VirtualClock
 
 WORLD = '''
@@ -96,3 +99,17 @@ def test_a_room_offers_only_its_public_parts() -> None:
     room = Room()
     room._trigger = TriggerLine()  # type: ignore[attr-defined]
     assert room.find(TriggerLine) is None and room.find(Room) is room
+
+
+def test_in_a_commissioning_the_device_that_is_mounted_has_the_power() -> None:
+    world = world_of("commissioning")(Truth(shipped("sim")["simulation"], "simulation"))
+    gyro, sensor = world.find(LaserGyroBench), world.find(NineAxisBench)
+    assert gyro and sensor
+    for time_s, (act, has_power) in enumerate(
+        (("mount-table", (False, True)), ("mount", (True, False))), start=1
+    ):
+        world.act("dut-power-off", time_s)
+        assert not world.dut_powered
+        world.act(act, time_s)
+        world.act("dut-power-on", time_s)
+        assert (gyro.dut_powered, sensor.dut_powered) == has_power
