@@ -43,7 +43,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field, WithJsonSchema, field_validator
 
 from drivers.generic.burst_meter import (
     MAX_READINGS,
@@ -64,7 +64,7 @@ from drivers.generic.platinum import (
 from drivers.transport.exchanges import Repeatable
 from station.fields import StrictModel
 from station.roles import Block, Place, quantity
-from station.roles.multimeter import DEVICE, place_columns
+from station.roles.multimeter import DEVICE, is_at_device, place_columns
 
 INTEGRATION_CYCLES = (0.02, 0.2, 1.0, 2.0, 10.0, 20.0, 100.0, 200.0)
 OHMS = Function("FRES", "ohm", (100.0, 1e3, 1e4, 1e5), (120.0, 1.2e3, 1.2e4, 1.2e5))
@@ -98,7 +98,30 @@ def of_four_wires(channel: int) -> int:
 
 
 Channel = Annotated[int, AfterValidator(of_four_wires)]
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
+NAMED = r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$"
+
+
+def name_of_place(name: str) -> str:
+    """Return the name of a place; raise ValueError for none, and for one that looks another way.
+
+    A `device2` would be elsewhere, and its spread in no budget, without a word.
+    """
+    if not re.fullmatch(NAMED, name):
+        raise ValueError(
+            f"'{name}' is no name of a place; small letters and digits make one, joined by _ as in "
+            "device_far"
+        )
+    if name.startswith(DEVICE) and not is_at_device(name):
+        raise ValueError(
+            f"'{name}' would not count as a place at the device: those begin with device_; call it "
+            "so, or begin the name of a place elsewhere with another word"
+        )
+    return name
+
+
+Name = Annotated[
+    str, AfterValidator(name_of_place), WithJsonSchema({"type": "string", "pattern": NAMED})
+]
 
 
 class Sensor(StrictModel):
@@ -206,7 +229,7 @@ class KeysightDaq970A(BurstMeter):
         self._choose(self._range_ohm, self._nplc, None, once=True)
 
     def _degC(self, place: str, sensor: Sensor, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
-        attempted = f"measured the Pt100 of the place {place}, channel {sensor.channel},"
+        attempted = f"measured the Pt100 of the place {place}, channel {sensor.channel}"
         overload = ohms[is_overload(ohms)]
         if len(overload):
             raise self.error(attempted, f"{overload[0]:+.1E}, an overload: it is open", WIRES)

@@ -71,12 +71,24 @@ def check_model(
             fault = _fault(document, model, at, dict(detail))
             # A union reports each of its branches at the same place; the first says enough.
             where = (fault.where, fault.line, fault.column)
-            faults.setdefault(where, fault)
+            if not _is_inside_told(document, at, dict(detail), details):
+                faults.setdefault(where, fault)
         listed = list(faults.values())
         more = len(details) - MAX_LOOKED_AT
         if more > 0:
             listed.append(document.fault(at, f"has {more} more faults"))
         return None, listed
+
+
+def _is_inside_told(document: Document, at: Loc, detail: dict[str, Any], details: Any) -> bool:
+    """Whether a branch of a union wants no mapping, where another one looks into the mapping."""
+    loc, within = detail["loc"], detail["loc"][:-1]
+    is_branch = _in_file(document, at, loc) == _in_file(document, at, within)
+    if not (is_branch and isinstance(detail["input"], dict) and detail["type"] in _WANTED):
+        return False
+    return any(
+        len(other["loc"]) > len(loc) and other["loc"][: len(within)] == within for other in details
+    )
 
 
 _ABSENT = object()
@@ -216,4 +228,6 @@ def _models_at(annotation: Any, loc: Loc) -> Iterator[type[BaseModel]]:
         return
     container = getattr(annotation, "__origin__", None) in (list, tuple, dict)
     for inner in get_args(annotation):
-        yield from _models_at(inner, loc[1:] if container else loc)
+        # Where a union has a model, pydantic's loc names it.
+        named = container or (bool(loc) and loc[0] == getattr(inner, "__name__", None))
+        yield from _models_at(inner, loc[1:] if named else loc)

@@ -58,7 +58,7 @@ def test_a_sensor_has_its_own_resistance() -> None:
 
 def test_an_open_sensor_is_told_by_its_place() -> None:
     with scanner(places={**PLACES, "shelf": 107}) as (here, opened):
-        with pytest.raises(InstrumentError, match=r"the place shelf, channel 107.*it is open"):
+        with pytest.raises(InstrumentError, match=r"the place shelf, channel 107: .*it is open"):
             burst(here, opened, 1)
         # What is watched is the device, whose sensor is there.
         assert opened.read_quantity("temperature") == pytest.approx(DEVICE_DEGC, abs=1e-4)
@@ -86,6 +86,8 @@ def test_a_channel_that_is_not_there_is_told_by_its_place(channel: int, reason: 
     [
         ({"places": {"near": 101}}, "there is no place 'device'"),
         ({"places": {"device": 101, "chamber": 101}}, "two places are at the channel 101"),
+        ({"places": {"device": 101, "device2": 102}}, "'device2' would not count as a place at"),
+        ({"places": {"device": 101, "device-far": 102}}, "'device-far' is no name of a place"),
         ({"places": {"device": 111}}, "111 is no channel for four wires"),
         ({"places": {"device": 401}}, "401 is no channel for four wires"),
         ({"nplc": 3}, "it cannot integrate over nplc 3"),

@@ -351,6 +351,22 @@ def test_a_default_that_a_rule_refuses_is_reported_under_its_key() -> None:
     assert str(caught.value) == "plan.yaml:2:5: in.averaging: a mean needs an averaging time"
 
 
+class Either(StrictModel):
+    at: dict[str, int | Part]
+
+
+def test_a_mapping_where_a_number_would_do_has_the_faults_inside_it() -> None:
+    def told(text: str) -> list[str]:
+        with pytest.raises(FaultList) as caught:
+            validate_model(read_yaml_text(text, FILE), Either)
+        return [str(fault).partition(": ")[2] for fault in caught.value.faults]
+
+    (unknown,) = told("at: {one: 1, two: {name: x, colour: red}}\n")
+    assert unknown.startswith("at.two.colour: is not known here; known are name")
+    assert told("at: {one: 1, two: {}}\n") == ["at.two.name: is missing"]
+    assert told("at: {one: x}\n") == ["at.one: must be a whole number, not 'x'"]
+
+
 def test_a_part_of_a_document_is_held_against_its_own_model() -> None:
     document = read_yaml_text("inside:\n  deep: {name: x, rule: guarded}\n", FILE)
     assert validate_model(document, Part, at=("inside", "deep")).rule == "guarded"
