@@ -11,9 +11,10 @@ import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, create_model
 
 from station import registry
 from station.errors import QuantityNotRead, reason_of
@@ -61,20 +62,19 @@ def driver_faults(document: Document) -> Iterator[Fault]:
     instruments = mapping(mapping(document.data).get("instruments"))
     drivers: dict[str, Any] = {}
     for name, entry in instruments.items():
-        common = settings_of_role(name)
-        if common is not None and isinstance(entry, dict):
-            needed_by = f"a {role_of(name)}"
-            yield from _settings_faults(document, name, common, keys_of(common), needed_by)
         driver = mapping(entry).get("driver")
         if driver not in registry.names(registry.DRIVERS):
+            yield from _common_faults(document, name, StrictModel)
             continue
         try:
             loaded = registry.load(registry.DRIVERS, driver)
         except Exception as error:  # whatever keeps it from being checked keeps it from being used
+            yield from _common_faults(document, name, StrictModel)
             yield document.fault(("instruments", name, "driver"), str(error))
             continue
         try:
-            own = [*_own_faults(document, name, loaded)]
+            own = [*_common_faults(document, name, settings_of(loaded))]
+            own += _own_faults(document, name, loaded)
         except Exception as error:  # whatever the package of a driver makes of its settings
             why = reason_of(error)
             what = f"the settings of the driver '{driver}' cannot be checked ({why}); repair it"
@@ -197,6 +197,25 @@ def simulator_faults(document: Document) -> Iterator[Fault]:
             elif entry.get("simulator") is None:
                 what = "is missing; a simulated bench needs it, an empty mapping too"
                 yield document.fault(("instruments", name, "simulator"), what)
+
+
+def _common_faults(document: Document, name: str, own: type[BaseModel]) -> Iterator[Fault]:
+    """Yield each fault of the settings of a role, beside the `own` ones of the driver."""
+    common = settings_of_role(name)
+    if common is not None and isinstance(document.data["instruments"][name], dict):
+        model, needed_by = side_by_side(common, own), f"a {role_of(name)}"
+        yield from _settings_faults(document, name, model, keys_of(common), needed_by)
+
+
+@cache
+def side_by_side(common: type[BaseModel], own: type[BaseModel]) -> type[BaseModel]:
+    """Return a model of both, the driver's own first, so that the role's see them.
+
+    How many axes a table has is the driver's to say, and which of them is which the role's.
+    """
+    if issubclass(own, common) or issubclass(common, own):
+        return own if issubclass(own, common) else common
+    return create_model("Settings", __base__=(common, own))
 
 
 def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault]:

@@ -178,7 +178,8 @@ class AxesTable(ABC):
             self._place.name,
             f"waited for axis {state.number} to {state.doing.value}",
             f"it is not done long after it should be; it turns at {state.rate:.4f} deg/s",
-            "look whether something blocks it, then home it again",
+            "look whether something blocks it, and whether settings.at_rest is above the noise of "
+            "its rate at rest, then home it again",
         )
 
     def astray(self, state: AxisState, attempted: str, where_deg: float) -> InstrumentError:

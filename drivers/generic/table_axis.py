@@ -12,6 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from drivers.transport.ports import SerialSettings
 from station.fields import Degree, DegreePerSecond, Second
+from station.roles import need_axis
 
 TURN_DEG = 360.0
 LATE_S = 0.6
@@ -199,20 +200,19 @@ class AxesSettings(SerialSettings):
         "absolute", description="`search` where each encoder has to find its zero"
     )
     in_position_deg: Degree = Field(
-        0.001, gt=0, description="how far an axis at rest may be from its angle"
+        0.001, gt=0, le=1, description="how far an axis at rest may be from its angle"
     )
     at_rest_deg_per_s: DegreePerSecond = Field(
-        0.01, gt=0, description="the largest rate of an axis that counts as rest"
+        0.01, gt=0, le=1, description="the largest rate of an axis that counts as rest"
     )
-    home_within_s: Second = Field(120.0, gt=0, description="to find an encoder's zero")
+    home_within_s: Second = Field(120.0, gt=0, le=3600, description="to find an encoder's zero")
 
     @field_validator("continuous")
     @classmethod
     def are_there(cls, given: Sequence[int] | None, info: ValidationInfo) -> Sequence[int] | None:
         """Refuse an axis that the table does not have."""
-        axes = info.data.get("axes", MAX_AXES)
-        if beyond := [axis for axis in given or () if axis > axes]:
-            raise ValueError(f"there is no axis {beyond[0]}; the table's axes are 1 to {axes}")
+        for axis in given or ():
+            need_axis(axis, info.data.get("axes"))
         return given
 
     @property

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from drivers.generic.axes_table import MARGIN_S, AxesTable
 from drivers.generic.table_axis import MAX_AXES, MOVES, TURN_DEG, AxesSettings, AxisState, Doing
@@ -29,12 +30,23 @@ AGREES = 1e-3
 ENCODER_AGREES = 0.2
 """By how much rate and encoder of an axis that has its rate may differ, in the rate."""
 
+WORD = re.compile("[!-:<=@-~]*")
 PREFIXES = {1: ("",), 2: ("1", "2"), 3: ("1", "2", "3")}
 MOVED = (Doing.STOPPING, Doing.POSITIONING, Doing.TURNING)
 HOME_AGAIN = "then home the axis again"
 
 
-Prefix = Annotated[str, Field(max_length=4, pattern="^[!-~]*$")]
+def is_word(word: str) -> str:
+    """Refuse what would be taken for a prompt, for a refusal, or for the end of a command."""
+    if not WORD.fullmatch(word):
+        raise ValueError(
+            f"{word!r} cannot name an axis; write letters, digits or signs, without blank, `>`, "
+            "`?` and `;`"
+        )
+    return word
+
+
+Prefix = Annotated[str, Field(max_length=4), AfterValidator(is_word)]
 
 
 class AtlSettings(AxesSettings):
@@ -53,7 +65,7 @@ class AtlSettings(AxesSettings):
         "RMO", description="the command that moves: `RMO` by an angle, `MOV` or `P` to an angle"
     )
     longest_move_deg: Degree | None = Field(
-        None, gt=0, description="the longest way of one command; a longer one goes in steps"
+        None, ge=1, description="the longest way of one command; a longer one goes in steps"
     )
     zero: Literal["absolute", "search"] = Field(
         "search", description="`search` where each encoder has to find its zero"
@@ -280,6 +292,23 @@ class AtlTable(AxesTable):
                 self.brake(state)
                 state.forgets()
             raise
+
+    def astray(self, state: AxisState, attempted: str, where_deg: float) -> InstrumentError:
+        """Return that an axis stands elsewhere; whole turns away, a setting has it go so."""
+        error = super().astray(state, attempted, where_deg)
+        apart_deg = state.count.angle_deg - where_deg
+        near_deg = abs(math.remainder(apart_deg, TURN_DEG))
+        if abs(apart_deg) < TURN_DEG / 2 or near_deg > self.settings.in_position_deg:
+            return error
+        return InstrumentError(
+            self._place.name,
+            attempted,
+            f"axis {state.number} stands whole turns away, at {state.count.angle_deg:.3f} deg "
+            f"where {where_deg:.3f} deg was commanded",
+            "write settings.longest_move: 170 deg, as the table takes the shortest way to an "
+            "angle, and see whether settings.continuous names the axes that turn for ever; "
+            f"{HOME_AGAIN}",
+        )
 
     def _search_zero(self, state: AxisState) -> None:
         """Begin to look for the zero; a table that has no search says so."""

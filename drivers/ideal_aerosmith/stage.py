@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
+from drivers.generic.table_axis import MAX_AXES
 from drivers.ideal_aerosmith.axes import AtlSettings
 from drivers.ideal_aerosmith.rate_table import IdealAerosmithTable
 from drivers.transport.exchanges import Repeatable
-from station.roles import Driver, Identity, Place, SafetyReading
+from station.roles import Driver, Identity, Place, SafetyReading, need_axis
 
 Look = Callable[[Any], float | str | None]
 
@@ -37,7 +38,14 @@ class IdealAerosmithStage(Driver):
     class Settings(AtlSettings):
         """The table, and which axis of it is the stage."""
 
-        axis: int = Field(1, ge=1, le=3, description="the axis that is the stage")
+        axis: int = Field(1, ge=1, le=MAX_AXES, description="the axis that is the stage")
+
+        @field_validator("axis")
+        @classmethod
+        def is_there(cls, axis: int, info: ValidationInfo) -> int:
+            """Refuse an axis that the table does not have."""
+            need_axis(axis, info.data.get("axes"))
+            return axis
 
     without_limits = "the stage does not turn"
     identifies_on: ClassVar[str] = "socket"

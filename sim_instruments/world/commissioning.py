@@ -24,6 +24,9 @@ SECTIONS: dict[str, type[World]] = {
 """Where an instrument could stand in several of them, it stands in the first."""
 
 
+POWER_ON = "dut-power-on"
+
+
 class CommissioningBench(WorldsTogether):
     """The worlds of the methods whose devices a bench describes, with door and contacts.
 
@@ -32,6 +35,8 @@ class CommissioningBench(WorldsTogether):
 
     def __init__(self, truth: Truth) -> None:
         super().__init__(truth, SECTIONS)
+        # Whoever is served devices that nobody mounted for it finds all of them switched on.
+        self.preparations = tuple(dict.fromkeys((POWER_ON, *self.preparations)))
         self._mounted = ""
         opened, closed = (partial(self._door, is_open) for is_open in (True, False))
         self.acts["open-door"] = (opened, "The simulated chamber's door was opened.")
@@ -56,7 +61,7 @@ class CommissioningBench(WorldsTogether):
     def knowing(self, prompt_id: str) -> list[World]:
         """Return the worlds that know an act; of switching on, those whose device is mounted."""
         known = super().knowing(prompt_id)
-        if prompt_id != "dut-power-on" or not self._mounted:
+        if prompt_id != POWER_ON or not self._mounted:
             return known
         return [world for world in known if self._mounted in world.acts]
 

@@ -43,7 +43,7 @@ from station.roles.role import Limit, Quantity, Role, SafeState
 from station.roles.rotary_stage import ROTARY_STAGE, RotaryStage
 from station.roles.signal_generator import SIGNAL_GENERATOR, CellCoilSettings, SignalGenerator
 from station.roles.thermal_chamber import THERMAL_CHAMBER, ThermalChamber
-from station.roles.turntable import TURNTABLE, TableSettings, Turntable
+from station.roles.turntable import TURNTABLE, TableSettings, Turntable, need_axis
 
 ROLES = (
     COIL_SUPPLY,
@@ -110,6 +110,7 @@ __all__ = [
     "Thermometer",
     "Tracer",
     "Turntable",
+    "need_axis",
     "published",
     "quantity",
 ]

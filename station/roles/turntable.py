@@ -24,14 +24,29 @@ class TableSettings(DriverSettings):
         None, ge=1, le=3, description="number of the axis that carries the device"
     )
 
-    @field_validator("middle_axis", "inner_axis")
+    @field_validator("outer_axis", "middle_axis", "inner_axis")
     @classmethod
-    def no_axis_twice(cls, number: int | None, info: ValidationInfo) -> int | None:
-        """Refuse one number for two axes: one of them would turn in the other's place."""
-        before = [name for name, other in info.data.items() if other == number is not None]
+    def is_there_once(cls, number: int | None, info: ValidationInfo) -> int | None:
+        """Refuse one number for two axes: one of them would turn in the other's place.
+
+        Beside a driver's own settings an axis that the table lacks is refused, too.
+        """
+        if number is None:
+            return None
+        need_axis(number, info.data.get("axes"))
+        before = [name for name in TableSettings.model_fields if info.data.get(name) == number]
         if before:
             raise ValueError(f"is the number of {before[0]}, too; each axis has its own")
         return number
+
+
+def need_axis(number: int, axes: int | None) -> None:
+    """Raise ValueError for an axis beyond those of a table; None for one that says not how many."""
+    if axes is not None and number > axes:
+        raise ValueError(
+            f"there is no axis {number}, as settings.axes is {axes}; write a smaller number here, "
+            f"or settings.axes: {number}"
+        )
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where
+from station.instruments.addresses import one_spelling
 from station.roles.role import kind_of, role_of
 from station.safety.interlocks.conditions import Condition, Level
 from station.safety.interlocks.reading import entries_of, interlocks_in
@@ -25,6 +26,13 @@ ZERO_SHARE = 0.01
 MAX_ZERO_A = 0.1
 MIN_RAMP_S = 0.5
 """From the largest current to zero: ten of the steps, 0.05 s each, in which supplies are ramped."""
+RAMPS = {
+    COIL: ("current", "A", "slew"),
+    "turntable": ("rate", "deg/s", "acceleration"),
+    "rotary_stage": ("rate", "deg/s", "acceleration"),
+}
+"""What comes to zero by a ramp: its limit, that one's unit, and the limit of the ramp's slope."""
+RAMP_UNITS = {"slew": "A/s", "acceleration": "deg/s^2"}
 MAX_WITHIN_S = 600.0
 MAX_GRACE_S = 60.0
 MAX_PERIOD_S = 60.0
@@ -63,8 +71,8 @@ def _address_faults(document: Document, instruments: Mapping[Any, Any]) -> Itera
         address, settings = mapping(entry).get("address"), mapping(mapping(entry).get("settings"))
         if not isinstance(address, str) or not address or address.lower().startswith(BUSES):
             continue
-        spelled = address.strip().lower().replace("tcpip::", "tcpip0::")
-        key = (spelled.replace("localhost", "127.0.0.1"), str(settings.get("unit", "")))
+        spelled = one_spelling(address).replace("localhost", "127.0.0.1")
+        key = (spelled, str(settings.get("unit", "")))
         if key in known:
             yield document.fault(
                 ("instruments", str(name), "address"),
@@ -116,30 +124,34 @@ def _within_faults(document: Document, instruments: Mapping[str, Any]) -> Iterat
         for name, entry in instruments.items():
             if name not in timed and wanted in (name, role_of(str(name))):
                 timed.add(name)
-                ramp_s = ramp_of(str(name), entry)
+                ramp_s, slope = ramp_of(str(name), entry)
                 if within_s < ramp_s:
                     yield document.fault(
                         where,
                         f"{within_s:g} s is shorter than the ramp of {name} to zero, {ramp_s:g} s: "
-                        "it would never be verified; allow more, or raise its slew",
+                        f"it would never be verified; allow more, or raise its {slope}",
                     )
     for name, entry in instruments.items():
-        ramp_s = ramp_of(str(name), entry)
+        ramp_s, slope = ramp_of(str(name), entry)
         if name not in timed and ramp_s > DEFAULT_WITHIN_S:
             yield document.fault(
-                ("instruments", name, "limits", "slew"),
+                ("instruments", name, "limits", slope),
                 f"the ramp to zero takes {ramp_s:g} s, longer than the {DEFAULT_WITHIN_S:g} s "
-                "that it has; raise the slew, or name it in safe_state with a longer within",
+                f"that it has; raise the {slope}, or name it in safe_state with a longer within",
             )
 
 
-def ramp_of(name: str, entry: Any) -> float:
-    """Return how long a coil supply's ramp from its largest current to zero takes, in s."""
+def ramp_of(name: str, entry: Any) -> tuple[float, str]:
+    """Return how long the ramp from the largest current or rate to zero takes, in s, and its slope.
+
+    0.0 for what has no ramp. The slope is the name of the limit by which it is made shorter.
+    """
     limits = mapping(mapping(entry).get("limits"))
-    current_A, slew_A_per_s = quantity(limits, "current", "A"), quantity(limits, "slew", "A/s")
-    if role_of(name) != COIL or not current_A or not slew_A_per_s:
-        return 0.0
-    return current_A / slew_A_per_s
+    top, unit, slope = RAMPS.get(role_of(name), ("", "", ""))
+    largest, per_s = quantity(limits, top, unit), quantity(limits, slope, RAMP_UNITS.get(slope, ""))
+    if not largest or not per_s:
+        return 0.0, slope
+    return largest / per_s, slope
 
 
 def _time_faults(document: Document, where: Where, entry: Mapping[str, Any]) -> Iterator[Fault]:

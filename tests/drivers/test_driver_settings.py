@@ -167,6 +167,14 @@ def test_a_record_of_before_is_read_and_its_resumption_refused() -> None:
             {"outer_axis": 2, "inner_axis": 2},
             "number of outer_axis, too",
         ),
+        ("turntable", "ideal-aerosmith", {"outer_axis": 3}, "no axis 3, as settings.axes is 1"),
+        ("turntable", "acutrol-3000", {"axes": 1, "outer_axis": 3}, "or settings.axes: 3"),
+        ("turntable", "acutrol-3000", {"axes": 2, "middle_axis": 3}, "middle_axis: there is no ax"),
+        ("turntable", "ideal-aerosmith", {"axes": 2, "inner_axis": 3}, "inner_axis: there is no a"),
+        ("rotary_stage", "ideal-aerosmith-stage", {"axis": 2}, "axis: there is no axis 2, as sett"),
+        ("turntable", "ideal-aerosmith", {"prefixes": [">"]}, "prefixes[1]: '>' cannot name an"),
+        ("turntable", "ideal-aerosmith", {"longest_move": "1 arcsec"}, "must be at least 1 deg"),
+        ("turntable", "acutrol-3000", {"at_rest": "50 deg/s"}, "at_rest: must be at most 1 deg/s"),
         (
             "pump_laser",
             "thorlabs-sc10",
@@ -181,7 +189,7 @@ def test_wrong_types_and_values_out_of_range_are_refused_at_their_place(
     (found,) = said(document_of(name, driver, settings))
     assert found.startswith("bench.yaml:6:")
     assert f"instruments.{name}.settings." in found and fault in found
-    if "outer_axis" not in settings:  # that is for a procedure to read
+    if not {"outer_axis", "middle_axis", "inner_axis"} & settings.keys():  # a procedure's to read
         limits = dict.fromkeys(("current", "voltage", "slew", "zero_current"), 1.0)
         place = InstrumentPlace(name, "TCPIP::127.0.0.1::1::SOCKET", RealClock(), settings, limits)
         with pytest.raises(InstrumentError, match="read the bench file: its settings are wrong"):

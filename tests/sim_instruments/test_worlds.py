@@ -9,8 +9,10 @@ from our_drivers import shipped
 
 from sim_instruments.bench import SimulatedBench, installed_worlds, world_of
 from sim_instruments.truth import SimulationError, Truth
+from sim_instruments.world.accelerometer import AccelerometerBench
 from sim_instruments.world.base import Room, TriggerLine
 from sim_instruments.world.chamber import Chamber
+from sim_instruments.world.fog import FogBench
 from sim_instruments.world.laser_gyro import LaserGyroBench
 from sim_instruments.world.nine_axis import NineAxisBench
 from station.clock import VirtualClock
@@ -99,6 +101,16 @@ def test_a_room_offers_only_its_public_parts() -> None:
     room = Room()
     room._trigger = TriggerLine()  # type: ignore[attr-defined]
     assert room.find(TriggerLine) is None and room.find(Room) is room
+
+
+@pytest.mark.parametrize("bench", ["sim", "sim-alternate"])
+def test_a_served_commissioning_has_all_devices_switched_on(bench: str) -> None:
+    world = world_of("commissioning")(Truth(shipped(bench)["simulation"], "simulation"))
+    for time_s, act in enumerate(world.preparations, start=1):
+        world.act(act, time_s)
+    for kind in (LaserGyroBench, NineAxisBench, FogBench, AccelerometerBench):
+        device = world.find(kind)
+        assert device is not None and device.dut_powered
 
 
 def test_in_a_commissioning_the_device_that_is_mounted_has_the_power() -> None:

@@ -100,6 +100,22 @@ def test_each_command_that_moves_is_taken(command: str) -> None:
         assert sum(data.startswith(command.encode("ascii")) for data in sent) >= 3
 
 
+@pytest.mark.parametrize(
+    ("position", "settings"),
+    [("wraps", {"moves_by": "MOV"}), ("wraps", {"continuous": []})],
+)
+def test_an_axis_that_ends_whole_turns_away_names_the_settings(
+    position: str, settings: dict[str, Any]
+) -> None:
+    with aerosmith_bench({"position": position}) as bench:
+        table = bench.homed(**settings)
+        table.move_to(1, 400.0)
+        said = error_of(lambda: bench.wait(table))
+        assert "stands whole turns away" in said
+        assert "settings.longest_move: 170 deg" in said
+        assert "settings.continuous" in said
+
+
 def test_an_axis_on_its_way_stops_before_it_goes_elsewhere() -> None:
     with aerosmith_bench() as bench:
         table = bench.homed()
