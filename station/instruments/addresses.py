@@ -105,17 +105,6 @@ def _why_no_url(text: str, scheme: str, rest: str, what: str) -> str | None:
     return None
 
 
-def one_spelling(address: str) -> str:
-    """Return an address as others that are surely the same are written; no network is asked."""
-    text = address.strip()
-    lowered = text.lower()
-    if match := SOCKET.fullmatch(lowered):
-        return f"socket://{match[1]}:{match[2]}"
-    if lowered.startswith("asrl") or SERIAL_PORT.fullmatch(text):
-        return serial_form(text)
-    return lowered.replace("tcpip::", "tcpip0::")
-
-
 def forms_of(address: str) -> frozenset[str]:
     """Return what an address stands for; two that may reach the same instrument share a form.
 
@@ -137,7 +126,8 @@ def forms_of(address: str) -> frozenset[str]:
         return frozenset({f"usb::{maker}::{model}::{match[4]}::{number_form(match[5] or '0')}"})
     if "://" in text:
         return url_forms(text)
-    return frozenset({serial_form(text)})
+    name = text[4:].split("::")[0] if lowered.startswith("asrl") else text
+    return frozenset({port_form(f"COM{name}" if name.isdigit() else name)})
 
 
 def url_forms(address: str) -> frozenset[str]:
@@ -163,12 +153,6 @@ def number_form(text: str) -> str:
     if HEXADECIMAL.fullmatch(text):
         return str(int(text, 16))
     return text.lstrip("0") or "0" if text.isdecimal() else text
-
-
-def serial_form(address: str) -> str:
-    """Return what a serial port stands for, as VISA names it or as the system does."""
-    name = address[4:].split("::")[0] if address.lower().startswith("asrl") else address
-    return port_form(f"COM{name}" if name.isdigit() else name)
 
 
 def port_form(name: str) -> str:

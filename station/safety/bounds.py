@@ -14,7 +14,6 @@ from typing import Any
 
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where
-from station.instruments.addresses import one_spelling
 from station.roles.role import kind_of, role_of
 from station.safety.interlocks.conditions import Condition, Level
 from station.safety.interlocks.reading import entries_of, interlocks_in
@@ -71,8 +70,8 @@ def _address_faults(document: Document, instruments: Mapping[Any, Any]) -> Itera
         address, settings = mapping(entry).get("address"), mapping(mapping(entry).get("settings"))
         if not isinstance(address, str) or not address or address.lower().startswith(BUSES):
             continue
-        spelled = one_spelling(address).replace("localhost", "127.0.0.1")
-        key = (spelled, str(settings.get("unit", "")))
+        spelled = address.strip().lower().replace("tcpip::", "tcpip0::")
+        key = (spelled.replace("localhost", "127.0.0.1"), str(settings.get("unit", "")))
         if key in known:
             yield document.fault(
                 ("instruments", str(name), "address"),

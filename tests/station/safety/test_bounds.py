@@ -171,21 +171,6 @@ def test_two_instruments_at_one_address_are_refused(address: str, tmp_path: Path
     assert faults.value.faults[0].line == 11
 
 
-@pytest.mark.parametrize(
-    ("first", "second"),
-    [
-        ("TCPIP::192.0.2.8::4001::SOCKET", "socket://192.0.2.8:4001"),
-        ("ASRL/dev/ttyUSB0::INSTR", "/dev/ttyUSB0"),
-        ("/dev/ttyUSB0", "/dev/../dev/ttyUSB0"),
-        ("ASRL3::INSTR", "com3"),
-    ],
-)
-def test_one_line_in_two_spellings_is_refused(first: str, second: str, tmp_path: Path) -> None:
-    text = GOOD.replace("TCPIP::192.0.2.7::5025::SOCKET", first)
-    (fault,) = faults_of(tmp_path, text.replace("TCPIP::192.0.2.8::7777::SOCKET", second))
-    assert "is the address of coil_supply.x, too" in fault
-
-
 @pytest.mark.parametrize("name", ["sim", "sim-alternate"])
 def test_a_table_that_brakes_for_longer_than_it_has_is_refused(name: str, tmp_path: Path) -> None:
     text = find(BENCHES, name).read_text(encoding="utf-8")
