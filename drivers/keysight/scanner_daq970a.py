@@ -203,7 +203,8 @@ class KeysightDaq970A(BurstMeter):
     def fetch(self) -> Block | None:
         """Return the scans that were started, None while they are being taken.
 
-        Raises InstrumentError, with the name of the place, for a resistance that no Pt100 has.
+        A place whose sensor has no resistance of a Pt100 has NaN for a temperature; where that is
+        `device`, InstrumentError is raised.
         """
         ohms = self._values()
         if ohms is None:
@@ -211,7 +212,9 @@ class KeysightDaq970A(BurstMeter):
         columns: dict[str, NDArray[Any]] = {}
         for (place, sensor), read in zip(self._sensors.items(), ohms.T, strict=True):
             resistance, temperature = place_columns(place)
-            columns |= {resistance: read, temperature: self._degC(place, sensor, read)}
+            is_device = place == DEVICE
+            degC = self._degC(sensor, read) if is_device else self._degC_elsewhere(sensor, read)
+            columns |= {resistance: read, temperature: degC}
         device = columns[place_columns(DEVICE)[1]]
         self.place.publish("temperature", float(device[-1]), "degC")
         return Block(columns, np.full(len(ohms), self.place.clock.now()))
@@ -223,13 +226,13 @@ class KeysightDaq970A(BurstMeter):
         ohms = self._value_now()
         if ohms is None:
             return None
-        return float(self._degC(DEVICE, self._sensors[DEVICE], np.array([ohms]))[0])
+        return float(self._degC(self._sensors[DEVICE], np.array([ohms]))[0])
 
     def _prepare(self) -> None:
         self._choose(self._range_ohm, self._nplc, None, once=True)
 
-    def _degC(self, place: str, sensor: Sensor, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
-        attempted = f"measured the Pt100 of the place {place}, channel {sensor.channel}"
+    def _degC(self, sensor: Sensor, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
+        attempted = f"measured the Pt100 of the place {DEVICE}, channel {sensor.channel}"
         overload = ohms[is_overload(ohms)]
         if len(overload):
             raise self.error(attempted, f"{overload[0]:+.1E}, an overload: it is open", WIRES)
@@ -237,6 +240,12 @@ class KeysightDaq970A(BurstMeter):
         if wrong is not None:
             raise self.error(attempted, wrong, WIRES)
         return temperature_degC(ohms, sensor.r0_ohm)
+
+    def _degC_elsewhere(self, sensor: Sensor, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
+        read = [impossible(ohms[n : n + 1], sensor.r0_ohm) is None for n in range(len(ohms))]
+        degC = np.full(len(ohms), np.nan)
+        degC[read] = temperature_degC(ohms[read], sensor.r0_ohm)
+        return degC
 
     def _set_up(self, range_: float, nplc: float, auto_zero: bool | None) -> None:
         if not self._known:

@@ -15,7 +15,7 @@ import numpy as np
 from procedures.common.homogeneity import at_device, entry
 from procedures.common.inputs import Declared, cosine_u, with_unstated
 from procedures.common.perturbing import with_slopes
-from procedures.common.places import at_points, gradient_inputs, with_gradient
+from procedures.common.places import at_points, gradient_inputs, silent_flags, with_gradient
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -121,7 +121,8 @@ def _findings(
     if "op" in dataset.plane:
         stated = {given.name: given.standard_uncertainty or GRADUATION_RAD for given in inputs}
         estimates = tuple(with_slopes(estimates, trials, {name: stated[name] for name in TURNED}))
-    return replace(findings, estimates=estimates, covariance=related, trials=trials)
+    flags = [*findings.flags, *silent_flags(dataset.places)]
+    return replace(findings, estimates=estimates, covariance=related, flags=flags, trials=trials)
 
 
 def _by_place(analysis: AccelerometerAnalysis, at: FieldAtDevice | None) -> Iterator[Estimate]:

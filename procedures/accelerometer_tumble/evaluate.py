@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import ARCSEC_PER_RAD, FULL_TURN_DEG
-from procedures.common.places import at_points, gradient_inputs, with_gradient
+from procedures.common.places import at_points, gradient_inputs, silent_flags, with_gradient
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -66,7 +66,9 @@ def _findings(
     analysis = analyse(dataset, settings)
     findings = findings_of(analysis, dataset, inputs)
     estimates = with_gradient(findings.estimates, inputs, WARMTH)
-    return replace(findings, estimates=estimates, trials=trials_of(analysis, dataset, settings))
+    flags = [*findings.flags, *silent_flags(dataset.places)]
+    trials = trials_of(analysis, dataset, settings)
+    return replace(findings, estimates=estimates, flags=flags, trials=trials)
 
 
 def dataset_of_run(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from procedures.common.stage_and_meter import THERMOMETER, USUAL_DEGC
 from station.errors import MissingRows
-from station.findings import Estimate, InputQuantity
+from station.findings import Estimate, Flag, InputQuantity
 from station.method.dry_run import has_setting
 from station.parts import Table
 from station.procedure import RecordUse
@@ -66,17 +66,17 @@ def means(read: Iterable[Sequence[float]]) -> list[float]:
     """Return the means of what was read at each place at the same times, NaN without.
 
     Of times at which some place read no number none counts, for means of other times differ by more
-    than the places do. A place that never read one keeps no other from its mean.
+    than the places do. A place that read none at more than half of the times keeps no other from
+    its mean, and has none.
     """
     by_place = [*read]
-    alive = [own for own in by_place if any(map(math.isfinite, own))]
-    whole = [all(map(math.isfinite, at)) for at in zip(*alive, strict=True)]
+    alive = [2 * sum(map(math.isfinite, own)) >= len(own) > 0 for own in by_place]
+    together = zip(*compress(by_place, alive), strict=True)
+    whole = [all(map(math.isfinite, at)) for at in together]
     count = sum(whole)
     return [
-        math.fsum(compress(own, whole)) / count
-        if count and any(map(math.isfinite, own))
-        else math.nan
-        for own in by_place
+        math.fsum(compress(own, whole)) / count if count and is_alive else math.nan
+        for own, is_alive in zip(by_place, alive, strict=True)
     ]
 
 
@@ -138,6 +138,26 @@ def gradient_inputs(readings: Iterable[AtPlaces]) -> Iterator[InputQuantity]:
     if reading is not None and reading.spread_degC is not None:
         u_degC = reading.spread_degC / math.sqrt(3.0)
         yield InputQuantity(GRADIENT, ABOUT, u_degC, "degC", SOURCE, distribution="uniform")
+
+
+def silent_flags(readings: Sequence[AtPlaces]) -> Iterator[Flag]:
+    """Yield a flag where a place at the device read no number: the spread lacks it, and u."""
+    if not readings:
+        return
+    silent = {
+        place: sum(not math.isfinite(reading.temperature_degC[place]) for reading in readings)
+        for place in readings[0].temperature_degC
+        if is_at_device(place)
+    }
+    for place, count in silent.items():
+        if count:
+            yield Flag(
+                "place-silent",
+                f"The thermometer read no number at {place} in {count} of {len(readings)} "
+                "readings: what the temperature differs there is in no uncertainty. Check the "
+                "sensor and its wires.",
+                details={"count": count},
+            )
 
 
 def with_gradient(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
-from procedures.common.places import gradient_inputs, with_gradient
+from procedures.common.places import gradient_inputs, silent_flags, with_gradient
 from station.files.faults import FaultList
 from station.findings import (
     Analysis,
@@ -60,6 +60,7 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     trials = trials_of(analysis, dataset, partial(_tried, settings=settings(parameters)))
     warmth = bench.stated_input((NAVIGATOR, "temperature", ROOM_DEGC, "degC"), WARMTH, ABOUT_WARMTH)
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
+    flags += silent_flags(dataset.places)
     drive = parameters.drive
     latitude_u_arcmin = None if drive is None else drive.latitude_uncertainty_arcmin
     more = [latitude_input(latitude_u_arcmin, "the plan")]

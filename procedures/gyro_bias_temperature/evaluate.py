@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from numpy.polynomial import Chebyshev
 
 from procedures.common.gyro_source import GYRO
-from procedures.common.places import gradient_inputs, with_gradient
+from procedures.common.places import gradient_inputs, silent_flags, with_gradient
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 
@@ -76,6 +76,7 @@ def _findings(
     findings = replace(
         findings,
         estimates=with_gradient([*map(_by_warmth, findings.estimates)], inputs, WARMTH),
+        flags=[*findings.flags, *silent_flags(dataset.places)],
         trials=trials_of(analysis, dataset, settings),
     )
     u_arcmin = given.latitude_uncertainty_arcmin

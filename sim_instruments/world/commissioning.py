@@ -22,15 +22,14 @@ SECTIONS: dict[str, type[World]] = {
     "accelerometer": AccelerometerBench,
 }
 """Where an instrument could stand in several of them, it stands in the first."""
-
-
 POWER_ON = "dut-power-on"
 
 
 class CommissioningBench(WorldsTogether):
     """The worlds of the methods whose devices a bench describes, with door and contacts.
 
-    Whoever switches the device under test on gives power to the one that was mounted last.
+    An operator who switches the device under test on gives power to the one that was mounted last;
+    a supply on a line gives it to all of them.
     """
 
     def __init__(self, truth: Truth) -> None:

@@ -17,6 +17,7 @@ from procedures.common.places import (
     AtPlaces,
     at_places,
     gradient_inputs,
+    silent_flags,
     table_of,
     widest,
     with_gradient,
@@ -33,6 +34,7 @@ from station.results import Result
 from station.runner.calibration_flags import record_flags
 from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
+from station.runner.run import ActingRun
 from station.texts import Texts
 from station.uncertainty import combine
 
@@ -93,6 +95,44 @@ def test_a_sensor_that_reads_no_number_for_a_while_counts_where_it_does() -> Non
     rows["temperature_degC"] = math.nan
     none = at_places("soak 3", rows, lambda degC: degC)
     assert none.spread_degC is None and list(gradient_inputs([none])) == []
+
+
+def test_a_place_that_reads_now_and_then_keeps_no_other_from_its_mean() -> None:
+    rows = rows_of(device=20.0, device_far=20.2, chamber=30.0)
+    rows["device_far_temperature_degC"][0] = math.nan
+    rows["chamber_temperature_degC"][1:] = math.nan
+    reading = at_places("soak 1", rows, lambda degC: degC)
+    assert reading.spread_degC == pytest.approx(0.2)
+    assert math.isnan(reading.temperature_degC["chamber"])
+
+
+def test_a_silent_place_at_the_device_is_flagged_and_another_is_not() -> None:
+    dead = AtPlaces("soak 1", {"device": 20.0, "device_far": math.nan, "chamber": math.nan})
+    well = AtPlaces("soak 2", {"device": 20.0, "device_far": 20.1, "chamber": math.nan})
+    (flag,) = silent_flags([dead, well])
+    assert (flag.code, flag.details["count"]) == ("place-silent", 1)
+    assert "at device_far in 1 of 2 readings" in flag.message
+    assert list(silent_flags([well])) == [] == list(silent_flags([]))
+
+
+@pytest.mark.campaign
+def test_a_run_whose_far_sensor_is_open_ends_well_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(ActingRun, "say", lambda run, text: told.append(text))
+    plan, bench = shipped_plan(GYRO), bench_with(SPREAD_K)
+    plan["parameters"] |= SHORT
+    plan["limits"] = {}
+    bench["instruments"][THERMOMETER]["settings"]["places"]["device_far"] = 107
+    without = run_of(tmp_path, plan, bench)
+    assert without.exit_code == 0, without.error
+    assert without.document is not None
+    assert [flag.code for flag in without.document.flags].count("place-silent") == 1
+    begins = "WARNING: the thermometer reads no number at device_far;"
+    assert [text.startswith(begins) for text in told].count(True) == 1
+    budget = bias_of(RunFolder(without.folder)).to_data()["budget"]
+    assert GRADIENT not in {line["quantity"] for line in budget}
 
 
 def test_a_result_depends_on_the_spread_as_on_an_offset_of_the_thermometer() -> None:

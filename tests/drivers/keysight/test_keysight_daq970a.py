@@ -56,18 +56,24 @@ def test_a_sensor_has_its_own_resistance() -> None:
         assert read == pytest.approx(DEVICE_DEGC, abs=1e-4)
 
 
-def test_an_open_sensor_is_told_by_its_place() -> None:
-    with scanner(places={**PLACES, "shelf": 107}) as (here, opened):
-        with pytest.raises(InstrumentError, match=r"the place shelf, channel 107: .*it is open"):
-            burst(here, opened, 1)
-        # What is watched is the device, whose sensor is there.
-        assert opened.read_quantity("temperature") == pytest.approx(DEVICE_DEGC, abs=1e-4)
-    told = pytest.raises(InstrumentError, match=r"the place device, channel 101")
+def test_a_place_whose_sensor_is_open_or_short_reads_no_number_and_the_others_go_on() -> None:
+    short = {"channels": {**TRUTH["channels"], "102": {"at": "device", "r0": "3 ohm"}}}
+    with scanner(truth=short, places={**PLACES, "shelf": 107}) as (here, opened):
+        columns = burst(here, opened, 2).columns
+        assert np.isnan(columns["shelf_temperature_degC"]).all()
+        assert np.isnan(columns[FAR]).all()
+        assert (columns["shelf_resistance_ohm"] > 1e37).all(), "what was read is kept"
+        assert np.allclose(columns["temperature_degC"], DEVICE_DEGC, atol=1e-4)
+        assert np.allclose(columns["chamber_temperature_degC"], CHAMBER_DEGC + 0.5, atol=1e-4)
+
+
+def test_a_device_whose_sensor_is_open_or_short_is_an_error() -> None:
+    told = pytest.raises(InstrumentError, match=r"the place device, channel 101: .*it is open")
     with scanner({"fault": "overload", "at": "0 s"}) as (here, opened), told:
         burst(here, opened, 1)
-    wet = {"channels": {**TRUTH["channels"], "102": {"at": "device", "r0": "3 ohm"}}}
-    told = pytest.raises(InstrumentError, match=r"the place device_far.*is outside -200 degC")
-    with scanner(truth=wet) as (here, opened), told:
+    short = {"channels": {**TRUTH["channels"], "101": {"at": "device", "r0": "3 ohm"}}}
+    told = pytest.raises(InstrumentError, match=r"the place device.*is outside -200 degC")
+    with scanner(truth=short) as (here, opened), told:
         burst(here, opened, 1)
 
 
