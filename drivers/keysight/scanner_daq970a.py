@@ -131,6 +131,14 @@ class Sensor(StrictModel):
     r0_ohm: R0 = 100.0
 
 
+def degC_or_nan(sensor: Sensor, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return temperatures in degC, NaN for a resistance that no Pt100 has; shape as `ohms`."""
+    read = [impossible(ohms[n : n + 1], sensor.r0_ohm) is None for n in range(len(ohms))]
+    degC = np.full(len(ohms), np.nan)
+    degC[read] = temperature_degC(ohms[read], sensor.r0_ohm)
+    return degC
+
+
 class KeysightDaq970A(BurstMeter):
     """Platinum thermometers at several places, those at the device among them.
 
@@ -212,9 +220,8 @@ class KeysightDaq970A(BurstMeter):
         columns: dict[str, NDArray[Any]] = {}
         for (place, sensor), read in zip(self._sensors.items(), ohms.T, strict=True):
             resistance, temperature = place_columns(place)
-            is_device = place == DEVICE
-            degC = self._degC(sensor, read) if is_device else self._degC_elsewhere(sensor, read)
-            columns |= {resistance: read, temperature: degC}
+            to_degC = self._degC if place == DEVICE else degC_or_nan
+            columns |= {resistance: read, temperature: to_degC(sensor, read)}
         device = columns[place_columns(DEVICE)[1]]
         self.place.publish("temperature", float(device[-1]), "degC")
         return Block(columns, np.full(len(ohms), self.place.clock.now()))
@@ -240,12 +247,6 @@ class KeysightDaq970A(BurstMeter):
         if wrong is not None:
             raise self.error(attempted, wrong, WIRES)
         return temperature_degC(ohms, sensor.r0_ohm)
-
-    def _degC_elsewhere(self, sensor: Sensor, ohms: NDArray[np.float64]) -> NDArray[np.float64]:
-        read = [impossible(ohms[n : n + 1], sensor.r0_ohm) is None for n in range(len(ohms))]
-        degC = np.full(len(ohms), np.nan)
-        degC[read] = temperature_degC(ohms[read], sensor.r0_ohm)
-        return degC
 
     def _set_up(self, range_: float, nplc: float, auto_zero: bool | None) -> None:
         if not self._known:
