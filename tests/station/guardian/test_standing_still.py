@@ -40,7 +40,7 @@ if sys.platform != "linux":
 pytestmark = pytest.mark.campaign
 ENDED = ["failed", "safe-state", "run-ended"]
 SAFE = "the bench is safe, read back from every instrument that can harm: coil_supply.x output off"
-BUSY_S = 10.0
+BUSY_S = 30.0
 """What a machine with other work may take on top of what is promised."""
 
 

@@ -231,13 +231,14 @@ def test_wrong_tokens_delay_the_computer_alone_that_sent_them(guarded: Served) -
     began_s = boot_seconds()
     assert logged_in_from(guarded, "127.0.0.3", OPERATOR) == 200
     assert logged_in_from(guarded, "127.0.0.3", ENGINEER) == 200
-    assert boot_seconds() - began_s < GUESS_EVERY_S / 2
+    assert any(one.is_alive() for one in asked), "it was let in before the guesses were answered"
     for one in asked:
         one.join()
-    assert boot_seconds() - began_s >= 3 * GUESS_EVERY_S * 0.95
+    guessed_s = boot_seconds() - began_s
+    assert guessed_s >= 3 * GUESS_EVERY_S * 0.95
     began_s = boot_seconds()
     assert logged_in_from(guarded, "127.0.0.2", OPERATOR) == 200
-    assert boot_seconds() - began_s < GUESS_EVERY_S / 2
+    assert boot_seconds() - began_s < guessed_s / 3, "right tokens wait for nothing"
 
 
 def logged_in_from(panel: Served, address: str, token: str) -> int:
