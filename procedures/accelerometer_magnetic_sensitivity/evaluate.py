@@ -15,7 +15,13 @@ import numpy as np
 from procedures.common.homogeneity import at_device, entry
 from procedures.common.inputs import Declared, cosine_u, with_unstated
 from procedures.common.perturbing import with_slopes
-from procedures.common.places import at_points, gradient_inputs, silent_flags, with_gradient
+from procedures.common.places import (
+    at_points,
+    gradient_inputs,
+    place_flags,
+    tells_spread,
+    with_gradient,
+)
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -26,6 +32,7 @@ from procedures.common.stage_and_meter import (
     what_was_read,
     with_overloads,
 )
+from procedures.estimation.channel import still
 from station.findings import (
     Covariance,
     Estimate,
@@ -85,7 +92,9 @@ def findings_of_run(
 ) -> Findings:
     """Return what a run's finished points say, type B inputs from the bench's calibrations."""
     dataset = dataset_of_run(folder, parameters, bench)
-    findings = _findings(dataset, settings(parameters), type_b_inputs(parameters, bench))
+    gradient = gradient_inputs(dataset.places, tells_spread(bench))
+    stated = [*type_b_inputs(parameters, bench), *gradient]
+    findings = _findings(dataset, settings(parameters), stated)
     at_device = dataset.at_device
     ratio = 1.0 if at_device is None else at_device.ratio(COIL)[0]
     measured = {
@@ -112,8 +121,7 @@ def _findings(
     analysis = analyse(dataset, limits)
     analysis = replace(analysis, estimates=tuple(_by_place(analysis, dataset.at_device)))
     places = () if dataset.at_device is None else dataset.at_device.inputs
-    warmth = gradient_inputs(dataset.places)
-    inputs = with_unstated([*inputs, *_mounting(analysis, dataset), *places, *warmth], INPUTS)
+    inputs = with_unstated([*inputs, *_mounting(analysis, dataset), *places], INPUTS)
     keys = tuple((name, None) for name in analysis.identifiability.kept)
     related = Covariance(keys, tuple(map(tuple, analysis.covariance.tolist())))
     findings, trials = findings_of(analysis, dataset, inputs), trials_of(analysis, dataset, limits)
@@ -121,7 +129,7 @@ def _findings(
     if "op" in dataset.plane:
         stated = {given.name: given.standard_uncertainty or GRADUATION_RAD for given in inputs}
         estimates = tuple(with_slopes(estimates, trials, {name: stated[name] for name in TURNED}))
-    flags = [*findings.flags, *silent_flags(dataset.places)]
+    flags = [*findings.flags, *place_flags(dataset.places)]
     return replace(findings, estimates=estimates, covariance=related, flags=flags, trials=trials)
 
 
@@ -188,7 +196,7 @@ def dataset_of_run(
         temperature_degC=temperature_degC[order] if parameters.temperature else None,
         noise_group=group[order],
         at_device=device,
-        places=at_points(folder, [point.unit for point in points], bench),
+        places=at_points(folder, [point.unit for point in points], bench, still),
         gravity_g=parameters.local_gravity_g,
     )
 

@@ -9,10 +9,9 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from procedures.common.frozen import AFTER_A_COMMAND, COPIED_ROWS, equal_runs, frozen, frozen_flag
 from procedures.estimation import channel
 from procedures.estimation.flags import excitation_flags, gaps_of, rows_listed
-from procedures.estimation.flags import frozen as frozen_flag
-from procedures.estimation.frozen import AFTER_A_COMMAND, COPIED_ROWS, equal_runs, frozen
 from procedures.estimation.saturation import at_a_limit
 from station.findings import Flag
 
@@ -94,8 +93,7 @@ def screen(dataset: AccelerometerDataset) -> Screened:
     if dataset.temperature_degC is not None:
         mounted = np.append(False, dataset.plane[1:] != dataset.plane[:-1])
         warm = channel.screen(THERMOMETER, dataset.temperature_degC, free=mounted)
-        still = warm.frozen | warm.copied | warm.saturated
-        still |= repeated_temperature(dataset.temperature_degC)
+        still = warm.still | repeated_temperature(dataset.temperature_degC)
         wild_degC = warm.wild | warm.missing
         if still.any():
             dataset, wild_degC = replace(dataset, temperature_degC=None), still & False

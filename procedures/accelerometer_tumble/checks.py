@@ -10,10 +10,10 @@ import numpy as np
 from scipy.special import fdtri
 
 from procedures.common.constants import ARCSEC_PER_RAD
+from procedures.common.frozen import frozen_flag, repeated_windows
 from procedures.estimation import channel
-from procedures.estimation.flags import counted, frozen, not_identifiable, rows_listed, too_stiff
+from procedures.estimation.flags import counted, not_identifiable, rows_listed, too_stiff
 from procedures.estimation.folding import Terms
-from procedures.estimation.frozen import repeated_windows
 from procedures.estimation.orthogonal import independent_of
 from procedures.estimation.plausibility import GRAVITY_G, OUTPUT_V, Bounds, implausible
 from procedures.estimation.readings import Reading, Remainder, named, scaled, shifted, suiting
@@ -73,7 +73,7 @@ def screened(dataset: TumbleDataset) -> tuple[TumbleDataset, list[Flag]]:
         then = f"These are left out: {rows_listed(rows)}."
         details = {"count": len(rows), "instrument": "multimeter"}
         extent = counted(len(rows), "row")
-        flags.append(frozen("The output", extent, "the multimeter", then, details))
+        flags.append(frozen_flag("The output", extent, "the multimeter", then, details))
     used = dataset
     if dataset.temperature_degC is not None:
         handled = np.append(False, np.diff(dataset.mounting) != 0)

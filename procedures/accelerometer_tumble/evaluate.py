@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import ARCSEC_PER_RAD, FULL_TURN_DEG
-from procedures.common.places import at_points, gradient_inputs, silent_flags, with_gradient
+from procedures.common.places import (
+    at_points,
+    gradient_inputs,
+    place_flags,
+    tells_spread,
+    with_gradient,
+)
 from procedures.common.stage_and_meter import (
     MULTIMETER,
     STAGE,
@@ -21,6 +27,7 @@ from procedures.common.stage_and_meter import (
     what_was_read,
     with_overloads,
 )
+from procedures.estimation.channel import still
 from station.findings import Findings, InputQuantity, findings_of
 
 from .analysis import analyse
@@ -53,7 +60,7 @@ def findings_of_run(folder: RunFolder, parameters: TumbleParameters, bench: Benc
     inputs = list(inputs_of(conditions, "the plan", sources))
     about = f"zero of the angle of {STAGE}"
     inputs += bench.stated_input((STAGE, "angle", 0.0, "rad"), "encoder_zero", about)
-    inputs += gradient_inputs(dataset.places)
+    inputs += gradient_inputs(dataset.places, tells_spread(bench))
     settings = AnalysisSettings(**dict(parameters.thresholds))
     findings = _findings(dataset, settings, inputs)
     measured = what_was_read(dataset.output_V, dataset.temperature_degC)
@@ -66,7 +73,7 @@ def _findings(
     analysis = analyse(dataset, settings)
     findings = findings_of(analysis, dataset, inputs)
     estimates = with_gradient(findings.estimates, inputs, WARMTH)
-    flags = [*findings.flags, *silent_flags(dataset.places)]
+    flags = [*findings.flags, *place_flags(dataset.places)]
     trials = trials_of(analysis, dataset, settings)
     return replace(findings, estimates=estimates, flags=flags, trials=trials)
 
@@ -99,7 +106,7 @@ def dataset_of_run(
         gravity_g=conditions.local_gravity_g,
         encoder_accuracy_rad=conditions.encoder_accuracy_arcsec / ARCSEC_PER_RAD,
         mounting_rad=conditions.mounting_repeatability_arcsec / ARCSEC_PER_RAD,
-        places=at_points(folder, [point.unit for point in points], bench),
+        places=at_points(folder, [point.unit for point in points], bench, still),
     )
 
 

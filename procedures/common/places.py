@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import compress
 from typing import TYPE_CHECKING, Any
 
-from procedures.common.stage_and_meter import THERMOMETER, USUAL_DEGC
+from procedures.common.stage_and_meter import ARRIVAL, THERMOMETER, USUAL_DEGC
 from station.errors import MissingRows
 from station.findings import Estimate, Flag, InputQuantity
 from station.method.dry_run import has_setting
@@ -22,6 +23,7 @@ from station.procedure import RecordUse
 from station.roles.multimeter import DEVICE, is_at_device, places_in
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from station.instruments.bench import Bench
@@ -34,14 +36,20 @@ GRADIENT = "device_gradient_degC"
 ABOUT = "spread of the temperature over the device"
 SOURCE = "the places of the thermometer"
 Corrected = Callable[[float], float]
+Still = Callable[["NDArray[np.float64]"], "NDArray[np.bool_]"]
+"""Which of the readings (n,) of a place stand still, as the analysis of a procedure tells it."""
 
 
 @dataclass(frozen=True)
 class AtPlaces:
-    """What a thermometer read `when`: its mean at each place, degC, NaN where it read no number."""
+    """What a thermometer read `when`: its mean at each place, degC, NaN where it read no number.
+
+    `stood` counts the readings of a place that stood still: they are no numbers.
+    """
 
     when: str
     temperature_degC: Mapping[str, float]
+    stood: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def spread_degC(self) -> float | None:
@@ -55,11 +63,54 @@ class AtPlaces:
         return max(away, default=None)
 
 
-def at_places(when: str, rows: NDArray[Any], corrected: Corrected) -> AtPlaces:
-    """Return the means of recorded rows, shape (n,), by place; the bench's corrections applied."""
-    columns = places_in(rows.dtype.names or ())
-    read = means([rows[name].tolist() for name in columns.values()])
-    return AtPlaces(when, dict(zip(columns, map(corrected, read), strict=True)))
+@dataclass(frozen=True)
+class PlaceRows:
+    """Recorded rows (n,) of a thermometer with places, and which of each place stand still (n,)."""
+
+    rows: NDArray[Any]
+    still: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+
+    def only(self, some: NDArray[np.bool_]) -> PlaceRows:
+        """Return some of the rows, by a mask (n,)."""
+        return PlaceRows(
+            self.rows[some], {place: still[some] for place, still in self.still.items()}
+        )
+
+
+def judged(by_unit: Mapping[str, NDArray[Any]], still: Still) -> dict[str, PlaceRows]:
+    """Return what was recorded in units of work with which readings stand `still`.
+
+    That is told over all of them in the order of time: in a soak alone a coarse sensor may stand.
+    """
+    import numpy as np
+
+    if not by_unit:
+        return {}
+    whole = np.concatenate([*by_unit.values()])
+    order = np.argsort(whole[ARRIVAL], kind="stable")
+    ends = np.cumsum([len(rows) for rows in by_unit.values()])[:-1]
+    parts: dict[str, list[NDArray[np.bool_]]] = {}
+    for place, column in places_in(whole.dtype.names or ()).items():
+        of_place = np.zeros(len(whole), dtype=bool)
+        of_place[order] = still(whole[column][order])
+        parts[place] = np.split(of_place, ends)
+    return {
+        unit: PlaceRows(rows, {place: own[n] for place, own in parts.items()})
+        for n, (unit, rows) in enumerate(by_unit.items())
+    }
+
+
+def at_places(when: str, recorded: PlaceRows, corrected: Corrected) -> AtPlaces:
+    """Return the means of recorded rows by place; the bench's corrections applied."""
+    import numpy as np
+
+    columns, still = places_in(recorded.rows.dtype.names or ()), recorded.still
+    read = means(
+        np.where(still.get(place, False), math.nan, recorded.rows[name]).tolist()
+        for place, name in columns.items()
+    )
+    stood = {place: int(own.sum()) for place, own in still.items() if own.any()}
+    return AtPlaces(when, dict(zip(columns, map(corrected, read), strict=True)), stood)
 
 
 def means(read: Iterable[Sequence[float]]) -> list[float]:
@@ -85,13 +136,13 @@ def has_places(rows: NDArray[Any]) -> bool:
     return len(places_in(rows.dtype.names or ())) > 1
 
 
-def recorded_rows(folder: RunFolder, unit: str) -> NDArray[Any] | None:
-    """Return what a thermometer with places read in a unit of work; None where there was none."""
-    try:
-        rows = folder.rows(THERMOMETER, unit)
-    except MissingRows:
-        return None
-    return rows if has_places(rows) else None
+def recorded_rows(folder: RunFolder, units: Iterable[str], still: Still) -> dict[str, PlaceRows]:
+    """Return what a thermometer with places read in units of work, those in which it read any."""
+    by_unit = {}
+    for unit in units:
+        with suppress(MissingRows):
+            by_unit[unit] = folder.rows(THERMOMETER, unit)
+    return judged({unit: rows for unit, rows in by_unit.items() if has_places(rows)}, still)
 
 
 def record_uses(bench: Bench) -> tuple[RecordUse, ...]:
@@ -102,9 +153,16 @@ def record_uses(bench: Bench) -> tuple[RecordUse, ...]:
     """
     if not has_setting(bench, THERMOMETER, PLACES):
         return ()
-    at_device = [*filter(is_at_device, bench.instruments[THERMOMETER].settings[PLACES])]
-    counts = len(at_device) > 1
+    counts = tells_spread(bench)
     return (RecordUse(THERMOMETER, "temperature", USUAL_DEGC, "degC", counts, needed=False),)
+
+
+def tells_spread(bench: Bench) -> bool:
+    """Whether the thermometer of a bench has several places at the device."""
+    if not has_setting(bench, THERMOMETER, PLACES):
+        return False
+    places = bench.instruments[THERMOMETER].settings[PLACES]
+    return len([*filter(is_at_device, places)]) > 1
 
 
 def corrected_by(bench: Bench) -> Corrected:
@@ -112,17 +170,19 @@ def corrected_by(bench: Bench) -> Corrected:
     return lambda degC: bench.corrected(THERMOMETER, "temperature", degC, "degC")
 
 
-def at_points(folder: RunFolder, units: Iterable[str], bench: Bench) -> tuple[AtPlaces, ...]:
+def at_points(
+    folder: RunFolder, units: Iterable[str], bench: Bench, still: Still
+) -> tuple[AtPlaces, ...]:
     """Return what was read at points: over all of them, and where it is widest; none without."""
-    rows = {unit: recorded_rows(folder, unit) for unit in units}
-    corrected = corrected_by(bench)
-    each = [at_places(unit, own, corrected) for unit, own in rows.items() if own is not None]
+    recorded, corrected = recorded_rows(folder, units, still), corrected_by(bench)
+    each = [at_places(unit, own, corrected) for unit, own in recorded.items()]
     far = widest(each)
     if not each:
         return ()
     places = [*each[0].temperature_degC]
     read = means([[reading.temperature_degC[place] for reading in each] for place in places])
-    whole = AtPlaces("all points", dict(zip(places, read, strict=True)))
+    stood = {place: sum(reading.stood.get(place, 0) for reading in each) for place in places}
+    whole = AtPlaces("all points", dict(zip(places, read, strict=True)), stood)
     return (whole, *([] if far is None else [far]))
 
 
@@ -132,22 +192,39 @@ def widest(readings: Iterable[AtPlaces]) -> AtPlaces | None:
     return max(spread, key=lambda reading: reading.spread_degC or 0.0, default=None)
 
 
-def gradient_inputs(readings: Iterable[AtPlaces]) -> Iterator[InputQuantity]:
-    """Yield the spread over the device as an input, where there was a thermometer with places."""
+def gradient_inputs(readings: Iterable[AtPlaces], asked: bool) -> Iterator[InputQuantity]:
+    """Yield the spread over the device as an input, where a thermometer read it.
+
+    Where the bench's was `asked` for it and what it read does not tell it, the input is one that
+    nobody states: u of a lost record is no smaller without a word.
+    """
     reading = widest(readings)
     if reading is not None and reading.spread_degC is not None:
         u_degC = reading.spread_degC / math.sqrt(3.0)
         yield InputQuantity(GRADIENT, ABOUT, u_degC, "degC", SOURCE, distribution="uniform")
+    elif asked:
+        yield InputQuantity.if_stated(GRADIENT, ABOUT, None, "degC", SOURCE)
 
 
-def silent_flags(readings: Sequence[AtPlaces]) -> Iterator[Flag]:
-    """Yield a flag where a place at the device read no number: the spread lacks it, and u."""
+def place_flags(readings: Sequence[AtPlaces]) -> Iterator[Flag]:
+    """Yield a flag where a place at the device stood still, or read no number: u lacks it."""
+    from .frozen import frozen_flag
+
     if not readings:
         return
+    places = [*filter(is_at_device, readings[0].temperature_degC)]
+    for place in places:
+        if count := sum(reading.stood.get(place, 0) for reading in readings):
+            extent = f"{count} reading{'' if count == 1 else 's'}"
+            then = "They are left out: what the temperature differs there is in no uncertainty."
+            details = {"count": count, "instrument": THERMOMETER}
+            yield frozen_flag(f"The thermometer at {place}", extent, "the sensor", then, details)
     silent = {
-        place: sum(not math.isfinite(reading.temperature_degC[place]) for reading in readings)
-        for place in readings[0].temperature_degC
-        if is_at_device(place)
+        place: sum(
+            not (math.isfinite(reading.temperature_degC[place]) or reading.stood.get(place))
+            for reading in readings
+        )
+        for place in places
     }
     for place, count in silent.items():
         if count:

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 FROZEN_AFTER_S = 2.0
 """Noise never gives three gyros and three accelerometers the same values for so long, all six."""
-FEWEST_ROWS = 10
 SAME_COUNT_S = 1800.0
 """No gyro counts the same in each sample for so long: the noise of the quietest at a weight of
 0.4 arcsec, 0.0003 deg/sqrt(h), moves it by two pulses then, however slowly it turns."""
@@ -60,15 +59,15 @@ class NeedsChanges(Recording):
 
     def _need_pulses(self, rows: NDArray[Any]) -> None:
         """Raise InstrumentError where the counts of new samples, after those before, stand."""
-        import numpy as np
+        from .frozen import IN_A_ROW, equal_runs
 
         counts = rows["counts"]
-        ends = np.flatnonzero(np.append(counts[1:] != counts[:-1], True)) + 1
-        for count, same in zip(counts[ends - 1], np.diff(ends, prepend=0), strict=True):
+        starts, lengths = equal_runs(counts)
+        for count, same in zip(counts[starts], lengths, strict=True):
             self._same = int(same) + self._same * bool(count == self._count)
             self._count = int(count)
             longest_s = SAME_COUNT_S if self._count else self._no_pulse_s
-            if self._same > max(longest_s * (self.rates[GYRO] or 0.0), FEWEST_ROWS):
+            if self._same > max(longest_s * (self.rates[GYRO] or 0.0), IN_A_ROW):
                 raise InstrumentError(
                     GYRO,
                     f"record {self.unit}",
@@ -82,12 +81,13 @@ class NeedsChanges(Recording):
         """Raise InstrumentError where new outputs, after those before, repeat one set of values."""
         import numpy as np
 
+        from .frozen import IN_A_ROW, equal_runs
+
         values = np.column_stack([rows[name] for name in (*GYROS, *ACCELEROMETERS)])
         if self._last is not None:
             values = np.concatenate((self._last, values))
-        new = np.flatnonzero((values[1:] != values[:-1]).any(axis=1)) + 1
-        same = int(np.diff(np.concatenate(([0], new, [len(values)]))).max())
-        frozen_after = max(math.ceil(FROZEN_AFTER_S * (self.rates[IMU] or 0.0)), FEWEST_ROWS)
+        same = int(equal_runs(values)[1].max())
+        frozen_after = max(math.ceil(FROZEN_AFTER_S * (self.rates[IMU] or 0.0)), IN_A_ROW)
         if same >= frozen_after:
             raise InstrumentError(
                 IMU,

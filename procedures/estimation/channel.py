@@ -18,10 +18,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from procedures.common.frozen import (
+    CHANCE_OF_ROWS,
+    IN_A_ROW,
+    equal_runs,
+    frozen_flag,
+    repeated_rows,
+    stuck_rows,
+)
 from station.findings import Flag
 
-from .flags import counted, frozen
-from .frozen import CHANCE_OF_ROWS, IN_A_ROW, equal_runs, repeated_rows, stuck_rows
+from .flags import counted
 from .linear import MAD_TO_SIGMA, robust_sigma
 from .recorder import MANY, resolution, visits
 
@@ -116,7 +123,12 @@ class Screened:
     @property
     def good(self) -> Mask:
         """The readings that are none of these."""
-        return ~(self.missing | self.wild | self.frozen | self.copied | self.saturated)
+        return ~(self.missing | self.wild | self.still)
+
+    @property
+    def still(self) -> Mask:
+        """The readings that an instrument gave that stood still, or somebody filled in."""
+        return self.frozen | self.copied | self.saturated
 
     @property
     def there(self) -> Array:
@@ -159,7 +171,7 @@ def flags(records: Sequence[Screened], axis: str | None = None, noun: str = "row
         raised.append(Flag("outliers-rejected", wild_text, axis, {"count": count}))
     if count := sum(int(record.frozen.sum() + record.copied.sum()) for record in records):
         extent = counted(count, noun)
-        raised.append(frozen(start, extent, channel.source, then, {"count": count}, axis))
+        raised.append(frozen_flag(start, extent, channel.source, then, {"count": count}, axis))
     if count := sum(int(record.saturated.sum()) for record in records):
         limit_text = f"Saturated: {name} stands at a limit in {counted(count, noun)}. {then}"
         raised.append(Flag(channel.limit_code, limit_text, axis, {"count": count}))
@@ -212,6 +224,12 @@ def screen(
     return Screened(
         channel, values, missing, wild | far, still, copied, saturated, step, noise, jump, beyond
     )
+
+
+def still(temperature_degC: Array) -> Mask:
+    """Return which readings (n,) of a thermometer stand still, NaN aside."""
+    thermometer = Channel("the thermometer", "the thermometer", "degC", slow=True)
+    return screen(thermometer, temperature_degC).still
 
 
 def copied(values: Array, other: Array) -> bool:

@@ -1,4 +1,4 @@
-"""Flags that several procedures raise, worded once: gaps, frozen readings, stiff models, fields.
+"""Flags that several procedures raise, worded once: gaps, stiff models, fields.
 
 A result holds for the measured field, so that a small difference from the commanded one spoils
 nothing. Beyond the bound nobody knows what the device was exposed to, and nothing is decided.
@@ -82,26 +82,6 @@ def too_stiff(
     """Return the flag of a model whose residuals are correlated; `of` is such as ` of a shot`."""
     stiff_text = f"Neighbouring residuals{of} are correlated by {lag_one:.2f}: {follows}."
     return Flag("model-too-stiff", stiff_text, axis, {"lag_one_correlation": lag_one})
-
-
-def frozen(
-    reading: str,
-    extent: str,
-    source: str,
-    then: str,
-    details: Mapping[str, object],
-    axis: str | None = None,
-    though: str = "",
-) -> Flag:
-    """Return the flag of a reading that repeats, in an extent such as `7 rows`, and its source.
-
-    `then` is what was done with these rows or is to be done, `though` such as ` though it turned`.
-    """
-    frozen_text = (
-        f"{reading} repeats to the last digit in {extent}{though}: {source} or its recorder stood "
-        f"still, or rows were copied or filled in. {then}"
-    )
-    return Flag("frozen", frozen_text, axis, details)
 
 
 def counted(count: int, noun: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .frozen import IN_A_SHORT_RECORD
+from procedures.common.frozen import IN_A_SHORT_RECORD
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from procedures.common.constants import FULL_TURN_DEG, SECONDS_PER_HOUR
+from procedures.common.frozen import COPIED_ROWS, TURNS_IN_A_ROW, equal_runs, frozen_flag, no_chance
 from procedures.estimation.channel import smallest_step
-from procedures.estimation.flags import frozen
-from procedures.estimation.frozen import COPIED_ROWS, TURNS_IN_A_ROW, equal_runs, no_chance
 from procedures.estimation.orthogonal import MAD_TO_SIGMA
 from procedures.estimation.plausibility import Bounds, implausible
 from procedures.estimation.readings import Reading, Remainder, Suit, shifted, suiting
@@ -343,7 +342,7 @@ def _thermometers(dataset: FogDataset, name: str, table: TurnTable) -> Iterator[
                 moved = float(np.ptp(run.chamber_degC))
             sets = len(np.unique(run.set_number))
             if count >= TURNS_IN_A_ROW and sets >= FROZEN_SETS and moved > MOVED_DEGC:
-                yield frozen(
+                yield frozen_flag(
                     f"The temperature of the {axis} gyro",
                     f"{count} turns of `{name}`, at {pair[first, 0]:g} degC, though the "
                     "temperature changed",
@@ -487,7 +486,7 @@ def _repeats(dataset: FogDataset, name: str, table: TurnTable) -> Iterator[Flag]
         extent = f"{repeated} of {rows} turns of `{name}`"
     else:
         return
-    yield frozen(
+    yield frozen_flag(
         reading,
         extent,
         "the navigator",

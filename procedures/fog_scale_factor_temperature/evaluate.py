@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
-from procedures.common.places import gradient_inputs, silent_flags, with_gradient
+from procedures.common.places import gradient_inputs, place_flags, tells_spread, with_gradient
 from station.files.faults import FaultList
 from station.findings import (
     Analysis,
@@ -60,14 +60,14 @@ def findings_of_run(folder: RunFolder, parameters: FogParameters, bench: Bench) 
     trials = trials_of(analysis, dataset, partial(_tried, settings=settings(parameters)))
     warmth = bench.stated_input((NAVIGATOR, "temperature", ROOM_DEGC, "degC"), WARMTH, ABOUT_WARMTH)
     flags = [outside_flag("; ".join(parameters.outside))] if parameters.outside else []
-    flags += silent_flags(dataset.places)
+    flags += place_flags(dataset.places)
     drive = parameters.drive
     latitude_u_arcmin = None if drive is None else drive.latitude_uncertainty_arcmin
     more = [latitude_input(latitude_u_arcmin, "the plan")]
     if analysis.navigated is not None and drive is not None:
         more += drive_inputs(drive, "the plan")
     findings = to_findings(analysis, dataset, flags, "specification in the plan", more)
-    gradient = gradient_inputs(dataset.places)
+    gradient = gradient_inputs(dataset.places, tells_spread(bench))
     inputs = [*findings.inputs, *table_inputs(bench), *warmth, *gradient, *more]
     estimates = with_gradient(findings.estimates, inputs, WARMTH)
     return replace(findings, estimates=estimates, inputs=inputs, trials=trials)

@@ -9,8 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import SECONDS_PER_HOUR
-from procedures.common.places import AtPlaces, at_places, corrected_by, has_places, widest
+from procedures.common.places import (
+    AtPlaces,
+    at_places,
+    corrected_by,
+    has_places,
+    judged,
+    widest,
+)
 from procedures.common.stage_and_meter import THERMOMETER
+from procedures.estimation.channel import still
 from station.errors import MissingRows
 
 from .dataset import AXES, FogDataset, TurnTable
@@ -140,13 +148,16 @@ def history(folder: RunFolder) -> dict[str, Array]:
 def places(folder: RunFolder, bench: Bench) -> Iterator[AtPlaces]:
     """Yield what a thermometer with places read at the end of the soak, and where it is widest."""
     corrected = corrected_by(bench)
-    soak, ramp = (recorded_between(folder, unit) for unit in (SOAK, RAMP))
-    if soak is not None:
-        yield at_places(SOAK, soak[soak[ARRIVAL] >= soak[ARRIVAL][-1] - SOAKED_S], corrected)
-    if ramp is not None:
-        hours = ((ramp[ARRIVAL] - ramp[ARRIVAL][0]) / SECONDS_PER_HOUR).astype(np.int64)
+    read = {unit: recorded_between(folder, unit) for unit in (SOAK, RAMP)}
+    recorded = judged({unit: rows for unit, rows in read.items() if rows is not None}, still)
+    if (soak := recorded.get(SOAK)) is not None:
+        read_s = soak.rows[ARRIVAL]
+        yield at_places(SOAK, soak.only(read_s >= read_s[-1] - SOAKED_S), corrected)
+    if (ramp := recorded.get(RAMP)) is not None:
+        read_s = ramp.rows[ARRIVAL]
+        hours = ((read_s - read_s[0]) / SECONDS_PER_HOUR).astype(np.int64)
         each = [
-            at_places(f"ramp, hour {hour + 1}", ramp[hours == hour], corrected)
+            at_places(f"ramp, hour {hour + 1}", ramp.only(hours == hour), corrected)
             for hour in np.unique(hours).tolist()
         ]
         far = widest(each)

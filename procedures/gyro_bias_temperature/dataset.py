@@ -14,6 +14,7 @@ from procedures.common.conditions import OfGyros
 from procedures.common.gyro_source import GYRO
 from procedures.common.places import AtPlaces, at_places, corrected_by, recorded_rows
 from procedures.estimation.alignment import align, unwrapped
+from procedures.estimation.channel import still
 from procedures.estimation.direction import Direction
 from procedures.estimation.pulses import pulses_of
 from station.dataset_checks import CLOSE
@@ -231,13 +232,12 @@ def dataset_of_run(
 
 def _places(folder: RunFolder, bench: Bench) -> Iterator[AtPlaces]:
     """Yield what a thermometer with places read at the end of each soak."""
-    corrected = corrected_by(bench)
-    for unit, facts in folder.finished_units().items():
-        rows = recorded_rows(folder, unit) if facts["phase"] == SOAK else None
-        if rows is not None:
-            read_s = rows["arrival_time_s"]
+    corrected, units = corrected_by(bench), folder.finished_units()
+    for unit, recorded in recorded_rows(folder, units, still).items():
+        if units[unit]["phase"] == SOAK:
+            read_s = recorded.rows["arrival_time_s"]
             lasts_s = min(AT_THE_END_S, PART * float(read_s[-1] - read_s[0]))
-            yield at_places(unit, rows[read_s >= read_s[-1] - lasts_s], corrected)
+            yield at_places(unit, recorded.only(read_s >= read_s[-1] - lasts_s), corrected)
 
 
 def _dataset(

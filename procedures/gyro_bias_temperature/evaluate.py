@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from numpy.polynomial import Chebyshev
 
 from procedures.common.gyro_source import GYRO
-from procedures.common.places import gradient_inputs, silent_flags, with_gradient
+from procedures.common.places import gradient_inputs, place_flags, tells_spread, with_gradient
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 
@@ -49,6 +49,7 @@ def findings_of_run(
     inputs = [InputQuantity(CLOCK, "rate of the station's clock", u_clock, "1", "the plan")]
     record = (GYRO, "scale", 1.0, "1")
     inputs += bench.stated_input(record, PULSE, "weight of a pulse", relative=True)
+    inputs += gradient_inputs(dataset.places, tells_spread(bench))
     settings = AnalysisSettings(**dict(parameters.thresholds))
     findings = _findings(dataset, parameters, "the plan", settings, inputs)
     by_board = [_by_board(dataset, estimate) for estimate in findings.estimates]
@@ -70,13 +71,12 @@ def _findings(
     about = "offset of the thermometer, by the slope of the bias"
     u_degC = given.thermometer_uncertainty_degC
     inputs.append(InputQuantity.if_stated(WARMTH, about, u_degC, "degC", source))
-    inputs += gradient_inputs(dataset.places)
     analysis = analyse(dataset, settings)
     findings = findings_of(analysis, dataset, inputs)
     findings = replace(
         findings,
         estimates=with_gradient([*map(_by_warmth, findings.estimates)], inputs, WARMTH),
-        flags=[*findings.flags, *silent_flags(dataset.places)],
+        flags=[*findings.flags, *place_flags(dataset.places)],
         trials=trials_of(analysis, dataset, settings),
     )
     u_arcmin = given.latitude_uncertainty_arcmin

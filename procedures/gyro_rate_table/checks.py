@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtri
 
-from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
+from procedures.common.frozen import frozen_flag
+from procedures.estimation.flags import Gaps, counted, gaps_of, not_identifiable
 from procedures.estimation.plausibility import Bounds, implausible
 from station.findings import Estimate, Flag, contradiction
 
@@ -75,7 +76,7 @@ def _left_out(screened: Screened, settings: AnalysisSettings, axis: str) -> list
         flags.append(Flag("outliers-rejected", sentence, "IA", {"count": wild, "what": "encoder"}))
     if screened.frozen:
         flags.append(
-            frozen(
+            frozen_flag(
                 "The output",
                 counted(screened.frozen, "sample"),
                 "the gyro",

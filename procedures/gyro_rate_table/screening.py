@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procedures.common.constants import SECONDS_PER_HOUR
+from procedures.common.frozen import IN_A_SHORT_RECORD, frozen, repeated_windows
 from procedures.estimation.channel import smallest_step
-from procedures.estimation.frozen import IN_A_SHORT_RECORD, frozen, repeated_windows
 from procedures.estimation.linear import robust_sigma
 from procedures.estimation.noise import grid_index
 from procedures.estimation.rate_spectrum import coefficients, noise_variances

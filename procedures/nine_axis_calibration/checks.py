@@ -10,7 +10,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
-from procedures.estimation.flags import Gaps, counted, frozen, gaps_of, not_identifiable
+from procedures.common.frozen import frozen_flag
+from procedures.estimation.flags import Gaps, counted, gaps_of, not_identifiable
 from station.findings import Flag, FlagThresholds, contradiction
 
 from .dataset import AXES, Array, Mask, Prior, Screened
@@ -153,7 +154,7 @@ def _screened(screened: Screened) -> Iterator[Flag]:
                 )
                 details = {"count": count, **where, "sensor": sensor}
                 reading, then = f"The output of {sensor} {name}", "They are left out."
-                yield frozen(reading, extent, "the sensor", then, details, name)
+                yield frozen_flag(reading, extent, "the sensor", then, details, name)
     for axis, name in enumerate(AXES):
         own = [(rate, count) for where, rate, count in screened.saturated if where == axis]
         if own:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.frozen import (
+from procedures.common.frozen import (
     IN_A_ROW,
     equal_runs,
     repeated_windows,

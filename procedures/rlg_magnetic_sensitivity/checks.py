@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from procedures.common.constants import EARTH_RATE_DEG_PER_H
-from procedures.estimation.flags import Gaps, frozen, gaps_of, too_stiff
-from procedures.estimation.frozen import repeated_rows, stuck_rows
+from procedures.common.frozen import frozen_flag, repeated_rows, stuck_rows
+from procedures.estimation.flags import Gaps, gaps_of, too_stiff
 from procedures.estimation.noise import grid_index
 from procedures.estimation.plausibility import Bounds, implausible
 from procedures.estimation.recorder import (
@@ -252,7 +252,7 @@ def _frozen(record: FittedRecord, filled: float, step: float) -> Iterator[Flag]:
             return
         where = f"rows {row} to {row + count - 1}, counted from 0"
         details = {"row": row, "count": count, "what": "output" if stuck else "repeated"}
-    yield frozen(what, where, "the gyro", then, details, record.axis)
+    yield frozen_flag(what, where, "the gyro", then, details, record.axis)
 
 
 def overtone_flags(record: FittedRecord) -> Iterator[Flag]:

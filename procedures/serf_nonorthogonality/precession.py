@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.frozen import equal_runs
+from procedures.common.frozen import equal_runs
 
 from .dataset import Precession, SerfDataset, Shot
 from .parameters import AnalysisSettings

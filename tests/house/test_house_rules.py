@@ -269,7 +269,7 @@ def test_a_plan_takes_its_thresholds_from_the_analysis(settings: Path) -> None:
 
 def test_a_frozen_instrument_is_worded_once() -> None:
     raised = [path for path in SOURCES if 'Flag("frozen"' in path.read_text(encoding="utf-8")]
-    assert raised == [ROOT / "procedures" / "estimation" / "flags.py"]
+    assert raised == [ROOT / "procedures" / "common" / "frozen.py"]
 
 
 def _defaults(path: Path) -> dict[str, ast.expr]:

@@ -15,13 +15,16 @@ from plan_runs import run_of, shipped_bench, shipped_plan
 from procedures.common.places import (
     GRADIENT,
     AtPlaces,
+    PlaceRows,
     at_places,
     gradient_inputs,
-    silent_flags,
+    judged,
+    place_flags,
     table_of,
     widest,
     with_gradient,
 )
+from procedures.estimation.channel import still
 from procedures.gyro_bias_temperature import dataset as of_gyro
 from station.findings import Estimate
 from station.instruments.bench import read_bench
@@ -61,14 +64,14 @@ def rows_of(**degC: float) -> np.ndarray:
 
 def test_the_spread_is_that_of_the_farthest_place_at_the_device() -> None:
     rows = rows_of(device=20.0, device_far=20.2, device_top=19.5, chamber=30.0)
-    reading = at_places("soak 1", rows, lambda degC: degC + 1.0)
+    reading = at_places("soak 1", PlaceRows(rows), lambda degC: degC + 1.0)
     assert reading.temperature_degC == pytest.approx(
         {"device": 21.0, "device_far": 21.2, "device_top": 20.5, "chamber": 31.0}
     )
     assert reading.spread_degC == pytest.approx(0.5)
     near = AtPlaces("soak 2", {"device": 20.0, "device_far": 20.1, "chamber": 0.0})
     assert widest([near, reading, near]) is reading
-    (given,) = gradient_inputs([near, reading])
+    (given,) = gradient_inputs([near, reading], True)
     assert (given.name, given.distribution) == (GRADIENT, "uniform")
     assert given.standard_uncertainty == pytest.approx(0.5 / math.sqrt(3.0))
 
@@ -76,7 +79,7 @@ def test_the_spread_is_that_of_the_farthest_place_at_the_device() -> None:
 def test_a_single_place_at_the_device_says_nothing_of_a_spread() -> None:
     alone = AtPlaces("soak 1", {"device": 20.0, "chamber": 25.0})
     assert alone.spread_degC is None and widest([alone]) is None
-    assert list(gradient_inputs([alone])) == [] == list(gradient_inputs([]))
+    assert list(gradient_inputs([alone], False)) == [] == list(gradient_inputs([], False))
     (table,) = table_of([alone])
     assert table.rows == [["soak 1", "20.000", "25.000", ""]]
     assert list(table_of([])) == []
@@ -84,24 +87,24 @@ def test_a_single_place_at_the_device_says_nothing_of_a_spread() -> None:
 
 def test_a_sensor_that_reads_no_number_for_a_while_counts_where_it_does() -> None:
     rows = rows_of(device=20.0, device_far=20.2, device_top=19.5)
-    whole = at_places("soak 1", rows, lambda degC: degC)
+    whole = at_places("soak 1", PlaceRows(rows), lambda degC: degC)
     rows["temperature_degC"][2:] += 5.0
     rows["device_far_temperature_degC"][2:] = math.nan
     rows["device_top_temperature_degC"] = math.nan
-    part = at_places("soak 2", rows, lambda degC: degC)
+    part = at_places("soak 2", PlaceRows(rows), lambda degC: degC)
     assert part.spread_degC == pytest.approx(0.2) and widest([part, whole]) is whole
     (table,) = table_of([part])
     assert table.rows == [["soak 2", "20.000", "20.200", "", "0.200"]]
     rows["temperature_degC"] = math.nan
-    none = at_places("soak 3", rows, lambda degC: degC)
-    assert none.spread_degC is None and list(gradient_inputs([none])) == []
+    none = at_places("soak 3", PlaceRows(rows), lambda degC: degC)
+    assert none.spread_degC is None and list(gradient_inputs([none], False)) == []
 
 
 def test_a_place_that_reads_now_and_then_keeps_no_other_from_its_mean() -> None:
     rows = rows_of(device=20.0, device_far=20.2, chamber=30.0)
     rows["device_far_temperature_degC"][0] = math.nan
     rows["chamber_temperature_degC"][1:] = math.nan
-    reading = at_places("soak 1", rows, lambda degC: degC)
+    reading = at_places("soak 1", PlaceRows(rows), lambda degC: degC)
     assert reading.spread_degC == pytest.approx(0.2)
     assert math.isnan(reading.temperature_degC["chamber"])
 
@@ -109,10 +112,10 @@ def test_a_place_that_reads_now_and_then_keeps_no_other_from_its_mean() -> None:
 def test_a_silent_place_at_the_device_is_flagged_and_another_is_not() -> None:
     dead = AtPlaces("soak 1", {"device": 20.0, "device_far": math.nan, "chamber": math.nan})
     well = AtPlaces("soak 2", {"device": 20.0, "device_far": 20.1, "chamber": math.nan})
-    (flag,) = silent_flags([dead, well])
+    (flag,) = place_flags([dead, well])
     assert (flag.code, flag.details["count"]) == ("place-silent", 1)
     assert "at device_far in 1 of 2 readings" in flag.message
-    assert list(silent_flags([well])) == [] == list(silent_flags([]))
+    assert list(place_flags([well])) == [] == list(place_flags([]))
 
 
 @pytest.mark.campaign
@@ -131,13 +134,12 @@ def test_a_run_whose_far_sensor_is_open_ends_well_and_says_so(
     assert [flag.code for flag in without.document.flags].count("place-silent") == 1
     begins = "WARNING: the thermometer reads no number at device_far;"
     assert [text.startswith(begins) for text in told].count(True) == 1
-    budget = bias_of(RunFolder(without.folder)).to_data()["budget"]
-    assert GRADIENT not in {line["quantity"] for line in budget}
+    assert is_not_stated(line_of(bias_of(RunFolder(without.folder))))
 
 
 def test_a_result_depends_on_the_spread_as_on_an_offset_of_the_thermometer() -> None:
     far = AtPlaces("soak 1", {"device": 20.0, "device_far": 20.6})
-    inputs = list(gradient_inputs([far]))
+    inputs = list(gradient_inputs([far], True))
     bias = Estimate("bias", "X", 1.0, "deg/h", 0.1, None, "weighted", {"thermometer_degC": -0.5})
     lag = Estimate("lag", "X", 1.0, "s", 0.1, None, "weighted", {})
     own, other = with_gradient([bias, lag], inputs, "thermometer_degC")
@@ -182,6 +184,11 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 def bias_of(folder: RunFolder) -> Result:
     document, _ = evaluate_run(folder)
     return document.result("bias", "IA")
+
+
+def is_not_stated(line: dict[str, Any]) -> bool:
+    said = (line["distribution"], line["standard_uncertainty"], line["contribution"])
+    return said == ("not stated", None, 0.0) and line["sensitivity"] != 0.0
 
 
 def line_of(result: Result) -> dict[str, Any]:
@@ -292,12 +299,61 @@ def test_a_record_without_its_places_has_the_results_that_it_had(
     outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with_places = bias_of(RunFolder(outcome.folder)).to_data()
-    monkeypatch.setattr(of_gyro, "recorded_rows", lambda folder, unit: None)
+    monkeypatch.setattr(of_gyro, "recorded_rows", lambda *of: {})
     without = bias_of(RunFolder(outcome.folder)).to_data()
     assert with_places["value"] == without["value"]
-    lines = [one["quantity"] for one in with_places["budget"] if one["quantity"] != GRADIENT]
-    assert [one["quantity"] for one in without["budget"]] == lines
+    lines = [one["quantity"] for one in with_places["budget"]]
+    assert sorted(one["quantity"] for one in without["budget"]) == sorted(lines)
     assert without["standard_uncertainty"] < with_places["standard_uncertainty"]
+
+
+class StandsStill(RunFolder):
+    """A folder whose thermometer repeats its first readings at some places for ever."""
+
+    def __init__(self, path: Path, *columns: str) -> None:
+        super().__init__(path)
+        self._columns = columns
+
+    def rows(self, source: str, unit: str) -> Any:
+        rows = super().rows(source, unit)
+        if source == THERMOMETER:
+            rows = rows.copy()
+            for column in self._columns:
+                rows[column] = 21.5
+        return rows
+
+
+@pytest.mark.parametrize("columns", [(FAR,), ("temperature_degC", FAR)], ids=["a place", "both"])
+def test_places_that_stand_still_are_flagged_and_tell_no_spread(
+    outcome: Outcome, columns: tuple[str, ...]
+) -> None:
+    document, _ = evaluate_run(StandsStill(outcome.folder, *columns))
+    flags = [flag for flag in document.flags if flag.code == "frozen"]
+    places = ["device", "device_far"][-len(columns) :]
+    assert [flag.message.split(" repeats")[0] for flag in flags] == [
+        f"The thermometer at {place}" for place in places
+    ]
+    assert all(flag.details["instrument"] == THERMOMETER for flag in flags)
+    assert "place-silent" not in [flag.code for flag in document.flags]
+    assert is_not_stated(line_of(document.result("bias", "IA")))
+    sound, _ = evaluate_run(RunFolder(outcome.folder))
+    assert not {"frozen", "place-silent"} & {flag.code for flag in sound.flags}
+
+
+def test_what_stands_still_is_told_over_the_whole_run() -> None:
+    noise = np.random.default_rng(0)
+    times_s = np.arange(120.0)
+    rows = np.zeros(120, dtype=[(name, float) for name in ("arrival_time_s", "temperature_degC")])
+    rows["arrival_time_s"] = times_s
+    # A sensor of 0.1 degC stands in its soak, and moves in the ramp.
+    rows["temperature_degC"] = np.round(np.clip(times_s - 60.0, 0.0, 60.0), 1)
+    rows["temperature_degC"][60:] += np.round(0.2 * noise.standard_normal(60), 1)
+    coarse = judged({"soak 1": rows[:60], "ramp 1": rows[60:]}, still)
+    assert not coarse["soak 1"].still["device"].any()
+    rows["temperature_degC"] = times_s + 0.01 * noise.standard_normal(120)
+    rows["temperature_degC"][40:80] = rows["temperature_degC"][40]
+    fine = judged({"ramp 1": rows[60:], "soak 1": rows[:60]}, still)
+    assert [int(own.still["device"].sum()) for own in fine.values()] == [20, 20]
 
 
 def test_a_stage_has_the_scanner_as_its_thermometer(tmp_path: Path) -> None:

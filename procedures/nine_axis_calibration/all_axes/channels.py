@@ -8,9 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
+from procedures.common.frozen import IN_A_SHORT_RECORD, frozen_flag
 from procedures.estimation.channel import copied, smallest_step
-from procedures.estimation.flags import counted, frozen
-from procedures.estimation.frozen import IN_A_SHORT_RECORD
+from procedures.estimation.flags import counted
 from procedures.nine_axis_calibration.dataset import ALWAYS_NEW, AXES, Mask
 from procedures.nine_axis_calibration.means import good_samples, rounding_u
 from station.findings import Flag
@@ -114,7 +114,7 @@ def screened(data: OtherAxes) -> tuple[OtherAxes, list[Flag]]:
                     counted(count, "sample"),
                 )
                 details = {"count": count, **about}
-                still.append(frozen(reading, extent, "the sensor", then, details, axis_name))
+                still.append(frozen_flag(reading, extent, "the sensor", then, details, axis_name))
                 for n in places:
                     samples[n][:, axis] = np.nan
         for axis, other in combinations(range(3), 2):
@@ -140,7 +140,7 @@ def _copy(sensor: str, axes: tuple[int, int], records: Records, places: Sequence
         f"the records of {where}."
     )
     details = {"count": count, "sensor": sensor, "copy_of": a}
-    return frozen(
+    return frozen_flag(
         f"The output of the {sensor} {b}", counted(count, "sample"), "the sensor", then, details, b
     )
 

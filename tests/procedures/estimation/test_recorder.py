@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.estimation.frozen import repeated_rows, stuck_rows
+from procedures.common.frozen import repeated_rows, stuck_rows
 from procedures.estimation.recorder import largest_jump, piled_up, resolution
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.estimation.frozen import repeated_windows
+from procedures.common.frozen import repeated_windows
 
 
 @pytest.mark.parametrize("digits", [np.float32, np.float64])

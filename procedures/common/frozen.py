@@ -2,18 +2,20 @@
 
 Equal readings measure nothing where noise, or what was commanded between them, makes each differ
 from the one before. A coarse channel repeats by itself: each rule compares with how often that
-happens. What a procedure does with such rows, and its flag, is its own; `flags.frozen` words it.
+happens. What a procedure does with such rows is its own; the flag is worded here.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import erf
+
+from station.findings import Flag
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,7 +38,7 @@ MIN_ROWS = 12
 _FACTOR = 6364136223846793005  # odd and large: windows of values get keys that all but never meet
 
 
-def equal_runs(values: Array | Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def equal_runs(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where each run of equal values (n,) or rows (n, k) begins, and how long it is.
 
     NaN equals nothing.
@@ -70,6 +72,8 @@ def _chance_of_equal(values: Array, step: float) -> float:
 
     It then scatters like the innovation of the noise.
     """
+    from scipy.special import erf
+
     sigma = min(
         float(np.quantile(np.abs(np.diff(values, order)), 0.9)) / 1.645 / math.sqrt(power)
         for order, power in ((2, 6.0), (3, 20.0), (4, 70.0))
@@ -165,3 +169,23 @@ def repeated_windows(columns: Sequence[Array]) -> list[Mask]:
         at = start - (int(ends[place - 1]) if place else 0)
         masks[long[place]][at : at + IN_A_ROW] = True
     return masks
+
+
+def frozen_flag(
+    reading: str,
+    extent: str,
+    source: str,
+    then: str,
+    details: Mapping[str, object],
+    axis: str | None = None,
+    though: str = "",
+) -> Flag:
+    """Return the flag of a reading that repeats, in an extent such as `7 rows`, and its source.
+
+    `then` is what was done with these rows or is to be done, `though` such as ` though it turned`.
+    """
+    frozen_text = (
+        f"{reading} repeats to the last digit in {extent}{though}: {source} or its recorder stood "
+        f"still, or rows were copied or filled in. {then}"
+    )
+    return Flag("frozen", frozen_text, axis, details)
