@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from station.instruments.bench import Bench
     from station.parts import Part
     from station.record.folder import RunFolder
+    from station.record.integrity import FolderState
     from station.results import ResultDocument
 
 
@@ -244,6 +245,15 @@ class Procedure:
     def units(self, parameters: Any) -> tuple[str, ...]:
         """Return the units of work that a run of the plan will finish, in order."""
         return self.walk(parameters).units
+
+    def damage_of(self, folder: RunFolder, parameters: Any) -> FolderState:
+        """Return what is damaged of a run; what an instrument read that is optional spoils no unit.
+
+        A bench may lack such an instrument, so no value is made of what it read.
+        """
+        damage = folder.damage
+        optional = {name for name, _ in self.walk(parameters).optional} if damage.parts else set()
+        return damage.sparing(optional)
 
     def forecast(self, parameters: Any, bench: Bench) -> Forecast:
         """Return what a run will command and record; opens nothing."""

@@ -15,7 +15,7 @@ import hashlib
 import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, repeat
 from pathlib import Path
@@ -188,6 +188,14 @@ class FolderState:
         """The finished units of work whose raw data are damaged."""
         return tuple(dict.fromkeys(unit for part in self.parts for unit in part.units))
 
+    def sparing(self, sources: Collection[str]) -> FolderState:
+        """Return the state in which damage to some sources' raw files spoils no unit of work."""
+        parts = (
+            replace(part, units=(), needed=False) if source_of(part.file) in sources else part
+            for part in self.parts
+        )
+        return replace(self, parts=tuple(parts))
+
     def refuse_altered(self) -> None:
         """Raise DamagedRecord that names every altered file of those that results are made of."""
         if self.altered:
@@ -224,6 +232,8 @@ def sentence_of(part: DamagedPart) -> str:
     """Return what is damaged, and what is left out for it."""
     out = ", ".join(first(part.units))
     left = f"left out: {out}" if out else "no finished unit of work is concerned"
+    if not part.needed:
+        left = "every unit of work stays, as no value is made of it; u may lack its part"
     return f"{part.file} is damaged from byte {part.byte} on, {part.what}; {left}."
 
 

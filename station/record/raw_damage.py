@@ -24,13 +24,17 @@ CUT_SHORT = "where it ends: what was written behind is missing"
 
 @dataclass(frozen=True)
 class DamagedPart:
-    """A part of a raw file that cannot be believed, and the finished units of work it spoils."""
+    """A part of a raw file that cannot be believed, and the finished units of work it spoils.
+
+    It spoils none where it is not `needed`: where no value is made of what its source read.
+    """
 
     file: str
     byte: int
     length: int
     what: str
     units: tuple[str, ...]
+    needed: bool = True
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from station.procedure import Procedures, check_findings, procedure_of
 from station.record.events import RESUMED, SAFE_STATE, STANDARD_ALARM, TIME_MISSED
 from station.record.files import write_whole_file
 from station.record.folder import PLOTS, REPORT, RESULTS, RunFolder
+from station.record.integrity import FolderState, first
 from station.record.later import add_own_revision, draft_revision
 from station.record.layout import MANIFEST, write_manifest
 from station.recorded import left_out, left_unverified, read_plan_and_bench, used_instruments
@@ -61,12 +62,12 @@ def evaluate_run(
     bench, log or a file that the plan named is not the one of the run, InputError where the
     analysis finds no solution.
     """
-    damage = folder.damage
-    damage.refuse_altered()
-    folder.leave_out(damage.units)
+    folder.damage.refuse_altered()
     plan, bench = read_plan_and_bench(folder)
     bench = recalled(bench) if recalled else bench
     procedure = procedure_of(plan.procedure)
+    damage = procedure.damage_of(folder, plan.parameters)
+    folder.leave_out(damage.units)
     try:
         with quiet_numbers():
             findings, missing = findings_of_run(folder, plan, bench)
@@ -76,6 +77,7 @@ def evaluate_run(
             *flags_of_run(folder, bench),
             *record_flags(procedure, plan.parameters, bench, findings.measured),
             *damage.flags(),
+            *nothing_left(folder, damage),
             *missing,
         ]
         findings = replace(findings, flags=flags)
@@ -110,6 +112,18 @@ def findings_of_run(folder: RunFolder, plan: Plan, bench: Bench) -> tuple[Findin
             folder.leave_out([error.unit])
             message = f"Finished, but {error.what}; left out: {error.unit}."
             missing.append(Flag("data-damaged", message, details={"units": [error.unit]}))
+
+
+def nothing_left(folder: RunFolder, damage: FolderState) -> Iterator[Flag]:
+    """Yield a flag where damage leaves no finished unit of work: what is needed, and what to do."""
+    parts = [part for part in damage.parts if part.units]
+    if parts and not folder.finished_units():
+        files = ", ".join(first(tuple(dict.fromkeys(part.file for part in parts))))
+        message = (
+            f"No result is left: each unit of work needs what was recorded in {files}. Put it back "
+            "from a copy of the run folder, then analyse the run again."
+        )
+        yield Flag("data-damaged", message, details={"units": list(damage.units)})
 
 
 def flags_of_run(folder: RunFolder, bench: Bench) -> list[Flag]:

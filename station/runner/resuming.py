@@ -151,7 +151,7 @@ def resume(request: ResumeRequest) -> Outcome:
                 progress.say(line)
             if backwards:
                 progress.say(f"WARNING: {runs_backwards(**backwards)}")
-            for part in folder.damage.parts:
+            for part in procedure.damage_of(folder, plan.parameters).parts:
                 progress.say(f"WARNING: {sentence_of(part)} {STAYS_OUT}")
             progress.say(f"bench {bench.name}, {how_long(expected_s, clock)} for a whole run")
             record.after_unit.append(progress.unit_finished)

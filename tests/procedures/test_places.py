@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from station.procedure import procedure_of
 from station.record.folder import RunFolder
 from station.registry import DRIVERS, names
 from station.report.certificate import certificate_of_run
-from station.results import Result
+from station.results import Result, ResultDocument
 from station.runner.calibration_flags import record_flags
 from station.runner.evaluation import evaluate_run
 from station.runner.outcome import Outcome
@@ -356,16 +357,56 @@ def test_what_stands_still_is_told_over_the_whole_run() -> None:
     assert [int(own.still["device"].sum()) for own in fine.values()] == [20, 20]
 
 
-def test_a_stage_has_the_scanner_as_its_thermometer(tmp_path: Path) -> None:
+def without_file(folder: Path, into: Path) -> RunFolder:
+    """Return a copy of a run whose thermometer's raw file is lost."""
+    shutil.copytree(folder, into)
+    (into / "raw" / "thermometer-000.mcap").unlink()
+    return RunFolder(into)
+
+
+def messages_of(document: ResultDocument, code: str) -> list[str]:
+    return [flag.message for flag in document.flags if flag.code == code]
+
+
+def test_a_lost_record_of_the_scanner_leaves_no_soak_out(outcome: Outcome, tmp_path: Path) -> None:
+    lost, _ = evaluate_run(without_file(outcome.folder, tmp_path / "run"))
+    whole, _ = evaluate_run(RunFolder(outcome.folder))
+    assert [own.estimate.value for own in lost.results] == [
+        own.estimate.value for own in whole.results
+    ]
+    assert is_not_stated(line_of(lost.result("bias", "IA")))
+    (message,) = messages_of(lost, "data-damaged")
+    assert message == (
+        "raw/thermometer-000.mcap is damaged from byte 0 on, the file is gone; every unit of work "
+        "stays, as no value is made of it; u may lack its part."
+    )
+
+
+def test_a_lost_record_that_every_point_needs_is_told_so(tumble: Outcome, tmp_path: Path) -> None:
+    document, _ = evaluate_run(without_file(tumble.folder, tmp_path / "run"))
+    assert {own.estimate.value for own in document.results} == {None}
+    gone, told = messages_of(document, "data-damaged")
+    assert gone.startswith("raw/thermometer-000.mcap is damaged from byte 0 on, the file is gone;")
+    assert told == (
+        "No result is left: each unit of work needs what was recorded in raw/thermometer-000.mcap. "
+        "Put it back from a copy of the run folder, then analyse the run again."
+    )
+
+
+@pytest.fixture(scope="module")
+def tumble(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     plan, bench = shipped_plan("accelerometer-tumble"), shipped_bench()
     plan["parameters"] |= {"mountings": ["io"], "positions": 8, "warm_up": "30 min"}
     plan["limits"] = {}
     scanner = bench_with(SPREAD_K)
     bench["instruments"][THERMOMETER] = scanner["instruments"][THERMOMETER]
     bench["simulation"]["gradient"] = scanner["simulation"]["gradient"]
-    outcome = run_of(tmp_path, plan, bench)
-    assert outcome.exit_code == 0, outcome.error
-    document, findings = evaluate_run(RunFolder(outcome.folder))
+    return run_of(tmp_path_factory.mktemp("tumble"), plan, bench)
+
+
+def test_a_stage_has_the_scanner_as_its_thermometer(tumble: Outcome) -> None:
+    assert tumble.exit_code == 0, tumble.error
+    document, findings = evaluate_run(RunFolder(tumble.folder))
     budgets = [one.to_data().get("budget", []) for one in document.results]
     by_quantity = [{line["quantity"]: line for line in budget} for budget in budgets]
     (lines, *_) = [lines for lines in by_quantity if GRADIENT in lines]
