@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.estimation.slow_terms import FEWEST_LEFT, K0_T, KI_T
+from procedures.estimation.slow_terms import FEWEST_LEFT, K0_T, KI_T, USUAL
 from station.findings import Estimate, Flag, undetermined
 
 from .causes import cause_flags
@@ -58,6 +58,7 @@ def analyse(
     """
     settings = settings or AnalysisSettings()
     screened = screen(dataset)
+    lost = dataset.temperature_degC is not None and screened.dataset.temperature_degC is None
     dataset, usable, left_out = screened.dataset, screened.usable, screened.left_out
     places = np.flatnonzero(usable)
     planned = judge(
@@ -83,7 +84,7 @@ def analyse(
         nuisances = _nuisances(solution, planned.rank)
         more += solution_flags(solution, coarse_step_V(rows.output_V), settings)
         more += cause_flags(solution, dataset, places)
-    estimates = _estimates(measured, solution, rows, settings)
+    estimates = _estimates(measured, solution, rows, settings, lost)
     return AccelerometerAnalysis(
         identifiability=measured,
         estimates=estimates,
@@ -104,6 +105,7 @@ def analyse(
         condition=solution.condition if solution else None,
         drift_order=solution.drift_order if solution else 0,
         path=path,
+        temperature_lost=lost,
     )
 
 
@@ -155,6 +157,7 @@ def _estimates(
     solution: Solution | None,
     rows: Rows,
     settings: AnalysisSettings,
+    lost: bool,
 ) -> tuple[Estimate, ...]:
     """Return all thirteen in order, null where they are folded or nothing could be solved.
 
@@ -176,7 +179,7 @@ def _estimates(
         place, terms = measured.kept.index(name), dict(measured.terms[name])
         sensitivities = (
             _sensitivities(name, values, rows.gravity_g)
-            | _by_thermometer(name, solution)
+            | _by_thermometer(name, solution, abs(ki) if lost else 0.0)
             | _by_graduation(terms, values)
             | _by_mounting(solution, place, ki)
         )
@@ -220,9 +223,13 @@ def _sensitivities(name: str, values: dict[str, float], gravity_g: float) -> dic
     return derivatives
 
 
-def _by_thermometer(name: str, solution: Solution) -> dict[str, float]:
-    """Return the derivative of K0 and Ki by an error of the temperature that they hold at."""
-    by = solution.values.get({"K0": K0_T, "Ki": KI_T}.get(name, ""))
+def _by_thermometer(name: str, solution: Solution, lost_ki: float) -> dict[str, float]:
+    """Return the derivative of K0 and Ki by an error of the temperature that they hold at.
+
+    Where the temperatures are lost it is what is usual at a scale factor of `lost_ki`, else 0.
+    """
+    term = {"K0": K0_T, "Ki": KI_T}.get(name, "")
+    by = lost_ki * USUAL[term] if lost_ki and term else solution.values.get(term)
     return {} if by is None else {"thermometer_degC": by}
 
 

@@ -107,6 +107,7 @@ class AccelerometerAnalysis(Analysis):
     `covariance` (k, k) is that of the kept coefficients, type A; `residual_V` (rows,) is NaN for
     rows that cannot be judged; `used` marks the rows of the solution. `drift_V` (rows,) is the slow
     part that was taken off, None where there is none. `condition` is that of the scaled design.
+    `temperature_lost` says that the thermometer stood still: no temperature of it is used.
     """
 
     identifiability: Identifiability
@@ -121,6 +122,7 @@ class AccelerometerAnalysis(Analysis):
     condition: float | None
     drift_order: int
     path: Path | None
+    temperature_lost: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from procedures.common.homogeneity import at_device, entry
-from procedures.common.inputs import Declared, cosine_u, with_unstated
+from procedures.common.inputs import Declared, cosine_u, not_known, with_unstated
 from procedures.common.perturbing import with_slopes
 from procedures.common.places import (
     at_points,
@@ -119,6 +119,7 @@ def _findings(
 ) -> Findings:
     """Return findings with all inputs, and the covariance of coefficients solved together."""
     analysis = analyse(dataset, limits)
+    inputs = not_known(inputs, WARMTH) if analysis.temperature_lost else inputs
     analysis = replace(analysis, estimates=tuple(_by_place(analysis, dataset.at_device)))
     places = () if dataset.at_device is None else dataset.at_device.inputs
     inputs = with_unstated([*inputs, *_mounting(analysis, dataset), *places], INPUTS)

@@ -24,6 +24,7 @@ from procedures.estimation.slow_terms import (
     DRIFT,
     K0_T,
     KI_T,
+    USUAL,
     Terms,
     candidates,
     has_warmed,
@@ -50,9 +51,6 @@ SINGULAR, SMALL_PART = 1e-9, 1e-3
 """Of columns of unit length; of a column: what a coefficient takes less of, it does not hold."""
 KI_DRIFT = "Ki drift"
 """Of the scale factor, linear in time, where no thermometer says what warmed it."""
-USUAL = {K0_T: 30e-6, KI_T: 100e-6}
-"""Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
-50 µg and 80 to 150 ppm."""
 USUAL_DRIFT_PER_H = 250e-6
 """In parts of Ki, 250 µg/h: an accelerometer that has not warmed up yet."""
 UNITS = {

@@ -15,6 +15,7 @@ import numpy as np
 from procedures.common.constants import ARCSEC_PER_RAD
 from procedures.estimation.flags import not_identifiable
 from procedures.estimation.folding import Terms
+from procedures.estimation.slow_terms import USUAL
 from station.findings import Analysis, Estimate, Flag, Published, undetermined
 
 from .checks import fold_flags, misread_flags, result_flags, screened
@@ -39,11 +40,15 @@ PUBLISHED = ("K0", "Ki", "Kii", "Kiii", "Kio", "Kip", "Ko", "Kp")
 
 @dataclass(frozen=True)
 class TumbleAnalysis(Analysis):
-    """The results, and what they rest on; `solution` is None where nothing is determined."""
+    """The results, and what they rest on; `solution` is None where nothing is determined.
+
+    `temperature_lost` says that a thermometer was read and gave no temperatures that can be used.
+    """
 
     used: TumbleDataset
     terms: Terms
     solution: Solution | None
+    temperature_lost: bool = False
 
 
 def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> TumbleAnalysis:
@@ -63,7 +68,8 @@ def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> Tu
     why = "There are too few readings beyond the coefficients to show the noise: no results."
     if misread:
         solution, why = None, "What the columns mean is in doubt: no results."
-    estimates = _estimates(used, terms, solution)
+    lost = dataset.temperature_degC is not None and used.temperature_degC is None
+    estimates = _estimates(used, terms, solution, lost)
     without = [
         f"{estimate.name} {estimate.axis or ''}".rstrip()
         for estimate in estimates
@@ -82,10 +88,12 @@ def analyse(dataset: TumbleDataset, settings: AnalysisSettings = SETTINGS) -> Tu
         )
         beyond = {"coefficients": lacking}
         flags.append(Flag("outside-published-range", formulas_text, None, beyond))
-    return TumbleAnalysis(estimates, published, flags, used, terms, solution)
+    return TumbleAnalysis(estimates, published, flags, used, terms, solution, lost)
 
 
-def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) -> list[Estimate]:
+def _estimates(
+    dataset: TumbleDataset, terms: Terms, solution: Solution | None, lost: bool
+) -> list[Estimate]:
     """Return one estimate for each result, in the order of the contract."""
     names = list(terms)
     held_at: dict[str, object] = {}
@@ -107,7 +115,7 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
             depends["encoder_zero"] = fixture * solution.of("Ki")
         if name in ("K0", "Ki"):
             extra |= held_at
-        depends |= _by_warmth(solution, (name, 1.0))
+        depends |= _by_warmth(solution, lost, (name, 1.0))
         estimates.append(_estimate((name, None, unit), value, gradient, solution, depends, extra))
     for name, axis, over, unit, factor in RATIOS:
         alone = over == "K0" or len(terms.get(over, {})) == 1
@@ -122,7 +130,9 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
         depends = {}
         if name == "bias":
             depends = {"multimeter_zero": per_unit, "local_gravity": value / dataset.gravity_g}
-            depends |= _by_warmth(solution, ("K0", per_unit), ("Ki", -value / solution.of("Ki")))
+            depends |= _by_warmth(
+                solution, lost, ("K0", per_unit), ("Ki", -value / solution.of("Ki"))
+            )
         if name == "fixture_error":
             depends = {"encoder_zero": factor}
         extra = held_at if name == "bias" else {}
@@ -130,8 +140,16 @@ def _estimates(dataset: TumbleDataset, terms: Terms, solution: Solution | None) 
     return estimates
 
 
-def _by_warmth(solution: Solution, *parts: tuple[str, float]) -> dict[str, float]:
-    """Return the slope over temperature of a sum of coefficients, each with its factor."""
+def _by_warmth(solution: Solution, lost: bool, *parts: tuple[str, float]) -> dict[str, float]:
+    """Return the slope over temperature of a sum of coefficients, each with its factor.
+
+    Where the temperatures are lost it is the size that is usual, for the results depend on the
+    temperature all the same.
+    """
+    if lost:
+        ki = abs(solution.of("Ki"))
+        usual = [factor * ki * USUAL.get(f"{name}_T", 0.0) for name, factor in parts]
+        return {"thermometer_degC": float(np.hypot.reduce(usual))} if any(usual) else {}
     slopes = {name: solution.slow.get(f"{name}_T") for name, _ in parts}
     if all(slope is None for slope in slopes.values()):
         return {}

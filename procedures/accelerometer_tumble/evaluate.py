@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from procedures.common.constants import ARCSEC_PER_RAD, FULL_TURN_DEG
+from procedures.common.inputs import not_known
 from procedures.common.places import (
     at_points,
     gradient_inputs,
@@ -71,6 +72,7 @@ def _findings(
     dataset: TumbleDataset, settings: AnalysisSettings, inputs: list[InputQuantity]
 ) -> Findings:
     analysis = analyse(dataset, settings)
+    inputs = not_known(inputs, WARMTH) if analysis.temperature_lost else inputs
     findings = findings_of(analysis, dataset, inputs)
     estimates = with_gradient(findings.estimates, inputs, WARMTH)
     flags = [*findings.flags, *place_flags(dataset.places)]

@@ -22,6 +22,16 @@ def with_unstated(given: Iterable[InputQuantity], declared: Declared) -> list[In
     return list({**unstated, **stated}.values())
 
 
+def not_known(given: Iterable[InputQuantity], name: str) -> list[InputQuantity]:
+    """Return inputs of which one counts as not stated: what it is about was not measured."""
+    return [
+        InputQuantity.if_stated(own.name, own.description, None, own.unit, "", value=own.value)
+        if own.name == name
+        else own
+        for own in given
+    ]
+
+
 def cosine_u(angle_u_rad: float | None) -> float | None:
     """Return the relative standard uncertainty of a projection by an angle known to `angle_u_rad`:
     1 - cos of it. None where nobody states the angle.

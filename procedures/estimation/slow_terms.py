@@ -19,6 +19,9 @@ Mask = NDArray[np.bool_]
 Terms = Mapping[str, Array]
 """Columns (rows,) of slow terms by their names, temperature first, then drift."""
 K0_T, KI_T = "K0_T", "Ki_T"
+USUAL = {K0_T: 30e-6, KI_T: 100e-6}
+"""Per degC and in parts of Ki: the temperature terms of quartz accelerometers with a flexure, 20 to
+50 µg and 80 to 150 ppm."""
 DRIFT = "drift "
 WARMED_K = 0.05
 """From such a range of temperature on no criterion is asked: at 150 ppm/degC it is 7.5 µV at 1 g,

@@ -393,6 +393,17 @@ def test_a_lost_record_that_every_point_needs_is_told_so(tumble: Outcome, tmp_pa
     )
 
 
+def test_a_stage_whose_scanner_stands_still_says_what_u_lacks(tumble: Outcome) -> None:
+    document, _ = evaluate_run(StandsStill(tumble.folder, "temperature_degC", FAR))
+    assert "frozen" in {flag.code for flag in document.flags}
+    for name, part_of_ki in (("K0", 30e-6), ("Ki", 100e-6), ("bias", 30e-6)):
+        budget = document.result(name, None).to_data()["budget"]
+        lines = {line["quantity"]: line for line in budget}
+        for quantity in ("thermometer_degC", GRADIENT):
+            assert is_not_stated(lines[quantity])
+            assert lines[quantity]["sensitivity"] == pytest.approx(part_of_ki, rel=0.01)
+
+
 @pytest.fixture(scope="module")
 def tumble(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     plan, bench = shipped_plan("accelerometer-tumble"), shipped_bench()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from accelerometer_records import record
 from known_findings import ACCELEROMETER_U
@@ -13,7 +14,7 @@ from trials import in_this_process, trials_in, tried, with_inputs, wrong_sensiti
 from procedures.accelerometer_magnetic_sensitivity.evaluate import INPUTS, WARMTH, _findings
 from procedures.accelerometer_magnetic_sensitivity.parameters import AnalysisSettings
 from procedures.common.homogeneity import at_device
-from station.findings import Findings
+from station.findings import Findings, InputQuantity
 
 LEAN_RAD = 1e-3
 
@@ -59,6 +60,25 @@ def test_places_of_coil_probe_and_device_do_what_their_sensitivities_say() -> No
 
 def test_only_the_thermometer_acts_by_its_sensitivity() -> None:
     assert set(INPUTS) - set(trials_in(findings_of(("io",), 4)).perturbed) == {WARMTH}
+
+
+def test_a_thermometer_that_stood_still_is_an_input_that_nobody_states() -> None:
+    stated = [InputQuantity(WARMTH, "offset", 0.05, "degC", "the plan")]
+    rows = record(3, ("io", "ip"), 9)
+    noise_K = 1e-3 * np.random.default_rng(0).standard_normal(len(rows))
+    sound = replace(rows, temperature_degC=21.5 + noise_K)
+    dead = replace(rows, temperature_degC=np.full(len(rows), 21.5))
+    for dataset, u_degC in ((sound, 0.05), (dead, None)):
+        findings = _findings(dataset, AnalysisSettings(), stated)
+        (given,) = (own for own in findings.inputs if own.name == WARMTH)
+        assert given.standard_uncertainty == u_degC
+    by_name = {own.name: own for own in findings.estimates}
+    slopes = {name: own.sensitivities.get(WARMTH) for name, own in by_name.items()}
+    ki = by_name["Ki"].value
+    assert ki is not None
+    assert slopes.pop("K0") == pytest.approx(30e-6 * ki)
+    assert slopes.pop("Ki") == pytest.approx(100e-6 * ki)
+    assert set(slopes.values()) == {None}
 
 
 def test_trials_agree_with_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
