@@ -41,6 +41,18 @@ def settings_of(driver: object) -> type[BaseModel]:
     return StrictModel
 
 
+def modbus_unit(entry: Mapping[str, Any]) -> int | None:
+    """Return which device of a Modbus line an entry means; None where its driver speaks no Modbus.
+
+    Devices of different numbers are on one line.
+    """
+    with suppress(Exception):  # a driver that cannot be loaded is told by `driver_faults`
+        own = settings_of(registry.load(registry.DRIVERS, entry["driver"])).model_fields
+        unit = mapping(entry.get("settings")).get("unit", own["unit"].default)
+        return unit if isinstance(unit, int) else None
+    return None
+
+
 def settings_of_role(instance: str) -> type[BaseModel] | None:
     """Return the settings that procedures read of an instance, None where its role has none."""
     declared = role(role_of(instance))

@@ -105,32 +105,33 @@ def _why_no_url(text: str, scheme: str, rest: str, what: str) -> str | None:
     return None
 
 
-def forms_of(address: str) -> frozenset[str]:
+def forms_of(address: str, *, resolve: bool = True) -> frozenset[str]:
     """Return what an address stands for; two that may reach the same instrument share a form.
 
-    Host names are resolved, for 2 s at most, to every address that they have; links of serial
+    Host names are resolved, for 2 s at most, to every address that they have, unless `resolve` is
+    False: then nothing is asked of the network, and a name stands for itself. Links of serial
     ports are followed. Capitals, and numbers that may be left out, make no difference. That a host
     answers on two ports cannot be seen here: behind them may be one instrument, or two.
     """
     text = address.strip()
     lowered = text.lower()
     if match := SOCKET.fullmatch(lowered):
-        return tcp_forms(match[1], int(match[2]))
+        return tcp_forms(match[1], int(match[2]), resolve)
     if match := VXI.fullmatch(lowered):
         device = match[2] or "inst0"
-        return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(match[1]))
+        return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(match[1], resolve))
     if match := GPIB.fullmatch(lowered):
         return frozenset({f"gpib{number_form(match[1] or '0')}::{match[2]}"})
     if match := USB.fullmatch(lowered):
         maker, model = number_form(match[2]), number_form(match[3])
         return frozenset({f"usb::{maker}::{model}::{match[4]}::{number_form(match[5] or '0')}"})
     if "://" in text:
-        return url_forms(text)
+        return url_forms(text, resolve)
     name = text[4:].split("::")[0] if lowered.startswith("asrl") else text
     return frozenset({port_form(f"COM{name}" if name.isdigit() else name)})
 
 
-def url_forms(address: str) -> frozenset[str]:
+def url_forms(address: str, resolve: bool) -> frozenset[str]:
     """Return what `scheme://host:port/path` stands for."""
     parts = urlsplit(address)
     if parts.scheme.lower() == "can":
@@ -139,13 +140,13 @@ def url_forms(address: str) -> frozenset[str]:
         port = parts.port or DEFAULT_PORTS.get(parts.scheme.lower())
         if parts.hostname and port:
             path = parts.path.rstrip("/").lower() if parts.scheme.lower() == "socketcand" else ""
-            return frozenset(f"{form}{path}" for form in tcp_forms(parts.hostname, port))
+            return frozenset(f"{form}{path}" for form in tcp_forms(parts.hostname, port, resolve))
     return frozenset({address.lower()})
 
 
-def tcp_forms(host: str, port: int) -> frozenset[str]:
+def tcp_forms(host: str, port: int, resolve: bool) -> frozenset[str]:
     """Return what a TCP port of a host stands for."""
-    return frozenset(f"tcp {form} {port}" for form in hosts(host))
+    return frozenset(f"tcp {form} {port}" for form in hosts(host, resolve))
 
 
 def number_form(text: str) -> str:
@@ -162,11 +163,13 @@ def port_form(name: str) -> str:
     return os.path.realpath(name) if name.startswith("/") else name.lower()
 
 
-def hosts(name: str) -> frozenset[str]:
+def hosts(name: str, resolve: bool) -> frozenset[str]:
     """Return the network addresses that a host has, its name where none is known in time."""
     bare = name.strip("[]").rstrip(".").lower()
     with suppress(ValueError):
         return frozenset({host_form(bare)})
+    if not resolve:
+        return frozenset({THIS_COMPUTER if bare == "localhost" else bare})
     resolved: list[str] = []
 
     def ask() -> None:

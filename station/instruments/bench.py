@@ -10,7 +10,13 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
-from station.driver_checks import driver_faults, role_faults, simulator_faults
+from station.driver_checks import (
+    CAN_SCHEMES,
+    driver_faults,
+    modbus_unit,
+    role_faults,
+    simulator_faults,
+)
 from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.statements import statements_of_bench
@@ -18,7 +24,7 @@ from station.files.validation import check_model
 from station.files.yaml.document import Document, FromDocument, Where
 from station.files.yaml.reading import read_yaml
 from station.findings import InputQuantity
-from station.instruments.addresses import why_unknown
+from station.instruments.addresses import forms_of, why_unknown
 from station.instruments.calibration import Calibration, Number
 from station.instruments.coil_geometry import CoilGeometry
 from station.instruments.commissioned import Commissioned
@@ -326,12 +332,32 @@ def _instrument_faults(
 
 
 def _address_faults(document: Document) -> Iterator[Fault]:
-    """Yield a fault for each address of no known kind."""
+    """Yield a fault for each address of no known kind, or that an instrument before has.
+
+    Two names for one supply drive it twice. No host name is looked up for it.
+    """
+    known: dict[str, list[tuple[str, str, int | None]]] = {}
     for name, entry in document.data["instruments"].items():
         address = entry.get("address") if isinstance(entry, dict) else None
-        wrong = why_unknown(address) if isinstance(address, str) and address else None
-        if wrong is not None:
-            yield document.fault(("instruments", name, "address"), wrong)
+        if not isinstance(address, str) or not address:
+            continue
+        where: Where = ("instruments", name, "address")
+        if wrong := why_unknown(address):
+            yield document.fault(where, wrong)
+            continue
+        if address.strip().lower().startswith(CAN_SCHEMES):
+            continue  # several instruments are on one bus
+        unit, forms = modbus_unit(entry), sorted(forms_of(address, resolve=False))
+        for other, spelled, other_unit in [at for form in forms for at in known.get(form, [])]:
+            if unit is None or other_unit is None or unit == other_unit:
+                yield document.fault(
+                    where,
+                    f"is the address of {other}, too, written there '{spelled}'; give each "
+                    "instrument its own, or name what it is reached over in `shares`",
+                )
+                break
+        for form in forms:
+            known.setdefault(form, []).append((name, address, unit))
 
 
 def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault]:

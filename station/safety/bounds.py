@@ -39,8 +39,6 @@ BEYOND_LIMIT = 1.5
 BEYOND_TEMPERATURE_K = 25.0
 MAX_COIL_DEGC = 200.0
 """Windings are insulated for 130 to 200 degC."""
-BUSES = ("socketcand://", "can://")
-"""Lines that several instruments are on."""
 
 
 def bound_faults(document: Document) -> Iterator[Fault]:
@@ -50,7 +48,6 @@ def bound_faults(document: Document) -> Iterator[Fault]:
     for name, entry in instruments.items():
         if role_of(str(name)) == COIL:
             yield from _coil_faults(document, str(name), mapping(entry))
-    yield from _address_faults(document, instruments)
     yield from _within_faults(document, instruments)
     for number, entry in entries_of(document):
         yield from _time_faults(document, ("interlocks", number), entry)
@@ -61,24 +58,6 @@ def bound_faults(document: Document) -> Iterator[Fault]:
     for name, entry in instruments.items():
         if role_of(str(name)) == COIL:
             yield from _unwatched_faults(document, str(name), mapping(entry), looks)
-
-
-def _address_faults(document: Document, instruments: Mapping[Any, Any]) -> Iterator[Fault]:
-    """Yield each address that an instrument before has: two names for one supply drive it twice."""
-    known: dict[tuple[str, str], str] = {}
-    for name, entry in instruments.items():
-        address, settings = mapping(entry).get("address"), mapping(mapping(entry).get("settings"))
-        if not isinstance(address, str) or not address or address.lower().startswith(BUSES):
-            continue
-        spelled = address.strip().lower().replace("tcpip::", "tcpip0::")
-        key = (spelled.replace("localhost", "127.0.0.1"), str(settings.get("unit", "")))
-        if key in known:
-            yield document.fault(
-                ("instruments", str(name), "address"),
-                f"is the address of {known[key]}, too; give each instrument its own, or name what "
-                "it is reached over in `shares`",
-            )
-        known.setdefault(key, str(name))
 
 
 def _coil_faults(document: Document, name: str, entry: Mapping[str, Any]) -> Iterator[Fault]:

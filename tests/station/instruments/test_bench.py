@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import socket
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import pytest
 from station.files.validation import validate_model
 from station.files.yaml.document import yaml_text
 from station.files.yaml.reading import FaultList, read_yaml_text
-from station.instruments.bench import Bench, bench_of
+from station.instruments.bench import Bench, bench_of, faults_of_use
 from station.instruments.calibration import Calibration, NotCalibrated
 
 DRIVERS = ("bop", "f71", "pulse-board")
@@ -208,3 +210,88 @@ def test_a_calibration_record_that_makes_no_sense_is_refused(record: str, senten
     document = read_yaml_text(f"calibration: {record}\n", Path("bench.yaml"))
     with pytest.raises(FaultList, match=sentence):
         validate_model(document, Calibration, at=("calibration",))
+
+
+LINES = """\
+bench: 1
+name: lab
+instruments:
+  multimeter: {{driver: keysight-34465a, address: "{0}"}}
+  thermometer:
+    driver: keysight-34465a-pt100
+    settings: {{r0: 100 ohm}}
+    address: "{1}"
+safe_state: []
+"""
+
+
+def faults_of_use_of(text: str) -> list[str]:
+    faults = faults_of_use(read_yaml_text(text, Path("bench.yaml")))
+    return [str(fault).removeprefix("bench.yaml:") for fault in faults]
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("TCPIP::192.0.2.7::5025::SOCKET", "TCPIP::192.0.2.7::5025::SOCKET"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "tcpip0::192.0.2.7::5025::socket"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "socket://192.0.2.7:5025"),
+        ("TCPIP::localhost::5025::SOCKET", "socket://127.0.0.1:5025"),
+        ("TCPIP::meter.invalid::5025::SOCKET", "rfc2217://METER.invalid:5025"),
+        ("GPIB::22", "GPIB0::22::INSTR"),
+        ("USB::10893::257::MY1::INSTR", "USB0::0x2A8D::0x0101::MY1::0::INSTR"),
+        ("{link}", "{port}"),
+        ("ASRL{link}::INSTR", "{port}"),
+    ],
+)
+def test_one_line_for_two_instruments_is_refused_in_any_spelling(
+    one: str, other: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def looked_up(*arguments: object) -> NoReturn:
+        pytest.fail("a host name was looked up")
+
+    monkeypatch.setattr(socket, "getaddrinfo", looked_up)
+    port, link = tmp_path / "ttyUSB0", tmp_path / "usb-FTDI-if00"
+    port.touch()
+    link.symlink_to(port)
+    first, second = (text.format(port=port, link=link) for text in (one, other))
+    (fault,) = faults_of_use_of(LINES.format(first, second))
+    assert fault == (
+        f"8:14: instruments.thermometer.address: is the address of multimeter, too, written there "
+        f"'{first}'; give each instrument its own, or name what it is reached over in `shares`"
+    )
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("GPIB::22", "GPIB::23"),
+        ("GPIB0::22", "GPIB1::22"),
+        ("TCPIP::192.0.2.7::5025::SOCKET", "TCPIP::192.0.2.7::5024::SOCKET"),
+        ("socketcand://192.0.2.7/can0", "socketcand://192.0.2.7:29536/can0"),
+    ],
+)
+def test_what_several_instruments_are_on_is_no_line_of_one(one: str, other: str) -> None:
+    faults = faults_of_use_of(LINES.format(one, other))
+    assert not any("is the address of" in fault for fault in faults)
+
+
+@pytest.mark.parametrize(
+    ("unit", "driver", "refused"),
+    [("2", "watlow-f4", False), ("1", "watlow-f4", True), ("2", "ideal-aerosmith", True)],
+)
+def test_devices_of_a_modbus_line_are_distinguished_by_their_numbers(
+    unit: str, driver: str, refused: bool
+) -> None:
+    faults = faults_of_use_of(
+        "bench: 1\n"
+        "name: lab\n"
+        "instruments:\n"
+        f"  thermal_chamber: {{driver: {driver}, address: /dev/ttyS7}}\n"
+        "  cell_heater:\n"
+        "    driver: watlow-f4\n"
+        "    address: ASRL/dev/ttyS7::INSTR\n"
+        f"    settings: {{unit: {unit}}}\n"
+        "safe_state: []\n"
+    )
+    assert any("is the address of thermal_chamber, too" in fault for fault in faults) == refused

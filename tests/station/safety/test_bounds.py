@@ -160,17 +160,6 @@ def test_validate_says_so(tmp_path: Path) -> None:
     assert "bench.yaml:15:70: instruments.coil_supply.x.limits.zero_current: 100 A" in done.stderr
 
 
-@pytest.mark.parametrize(
-    "address", ["TCPIP::192.0.2.7::5025::SOCKET", "tcpip0::192.0.2.7::5025::socket"]
-)
-def test_two_instruments_at_one_address_are_refused(address: str, tmp_path: Path) -> None:
-    path = tmp_path / "bench.yaml"
-    path.write_text(GOOD.replace("TCPIP::192.0.2.8::7777::SOCKET", address), encoding="utf-8")
-    with pytest.raises(FaultList, match=r"is the address of coil_supply\.x, too") as faults:
-        read_bench(path, registry.names(registry.DRIVERS))
-    assert faults.value.faults[0].line == 11
-
-
 @pytest.mark.parametrize("name", ["sim", "sim-alternate"])
 def test_a_table_that_brakes_for_longer_than_it_has_is_refused(name: str, tmp_path: Path) -> None:
     text = find(BENCHES, name).read_text(encoding="utf-8")
