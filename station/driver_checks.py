@@ -22,7 +22,7 @@ from station.fields import StrictModel, key_of
 from station.files.faults import Fault, listed, not_there
 from station.files.validation import check_model
 from station.files.yaml.document import Document, Where
-from station.roles.base import EXCHANGE_DEADLINE_S, MAX_DEADLINE_S, TRIES
+from station.roles.base import EXCHANGE_DEADLINE_S, MAX_DEADLINE_S, TRIES, Shares
 from station.roles.role import quantities_of, role, role_of, roles_of
 from station.safety.bounds import listing, mapping, quantity
 from station.safety.interlocks.conditions import STACKS
@@ -184,31 +184,43 @@ def role_faults(document: Document) -> Iterator[Fault]:
                 yield document.fault(("instruments", name, "driver"), what)
 
 
-def simulator_faults(document: Document) -> Iterator[Fault]:
-    """Yield a fault for each instrument of a simulated bench that nobody simulates.
+def line_faults(document: Document) -> Iterator[Fault]:
+    """Yield a fault for each instrument that nothing leads to, or that others do not lead to.
 
-    What is reached over another's line answers there, and an operator is asked; what has an
-    address of its own is served by somebody else.
+    On a simulated bench a simulator leads there, or an operator is asked; what has an address of
+    its own is served by somebody else.
     """
-    if not isinstance(mapping(document.data).get("simulation"), dict):
-        return
-    for name, given in mapping(mapping(document.data).get("instruments")).items():
-        entry, driver = mapping(given), mapping(given).get("driver")
-        if driver not in registry.names(registry.DRIVERS) or entry.get("address"):
-            continue
+    simulated = isinstance(mapping(document.data).get("simulation"), dict)
+    instruments = mapping(mapping(document.data).get("instruments"))
+    loaded: dict[str, Any] = {}
+    for name, entry in instruments.items():
         with suppress(Exception):  # why it cannot be loaded is said by `driver_faults`
-            loaded = registry.load(registry.DRIVERS, driver)
-            if entry.get("shares") or hasattr(loaded, "prompts"):
-                continue
-            if driver not in registry.names(registry.SIMULATORS):
-                what = (
-                    f"the driver '{driver}' has no simulator, and this bench is simulated; offer "
-                    "one under its name in the group station.simulators, or take the instrument out"
-                )
-                yield document.fault(("instruments", name, "driver"), what)
-            elif entry.get("simulator") is None:
-                what = "is missing; a simulated bench needs it, an empty mapping too"
-                yield document.fault(("instruments", name, "simulator"), what)
+            loaded[name] = registry.load(registry.DRIVERS, mapping(entry)["driver"])
+    for name, driver in loaded.items():
+        entry, where = mapping(instruments[name]), ("instruments", name)
+        served = entry["driver"] in registry.names(registry.SIMULATORS)
+        shares: Shares | None = getattr(driver, "shares", None)
+        if shares is not None:
+            shared = [other for other in listing(entry.get("shares")) if other in loaded]
+            why = shares.why_not({other: loaded[other] for other in shared})
+            if why and (shared or not entry.get("shares")):
+                yield document.fault((*where, "shares"), f"{why}; {shares.do_now}")
+        elif served and entry.get("shares"):
+            what = "its driver has a line of its own; write its `address` in place of `shares`"
+            yield document.fault((*where, "shares"), what)
+        own = not entry.get("shares") and not (shares is not None and shares.needed)
+        if entry.get("address") or not own or not simulated:
+            continue  # on a real bench what a plan needs has an address: that check knows the plan
+        if served and entry.get("simulator") is None:
+            what = "is missing; a simulated bench needs it, an empty mapping too"
+            yield document.fault((*where, "simulator"), what)
+        elif not served and not hasattr(driver, "prompts"):
+            what = (
+                f"the driver '{entry['driver']}' has no simulator, and this bench is simulated; "
+                "offer one under its name in the group station.simulators, or take the instrument "
+                "out"
+            )
+            yield document.fault((*where, "driver"), what)
 
 
 def _common_faults(document: Document, name: str, own: type[BaseModel]) -> Iterator[Fault]:

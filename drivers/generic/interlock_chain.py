@@ -38,7 +38,7 @@ from pydantic import Field
 from drivers.transport.exchanges import Repeatable, shortened
 from drivers.transport.text_line import ScpiDriver, VisaSettings
 from station.errors import InstrumentError
-from station.roles import Driver, Identity, Place, quantity
+from station.roles import Driver, Identity, Place, Shares, quantity
 from station.roles.interlock_chain import SeesContacts
 from station.roles.patience import patience
 
@@ -104,22 +104,17 @@ class SharedInterlockChain(Driver):
             acutrol-3000, ideal-aerosmith, watlow-f4t and watlow-f4 - not confirmed
     """
 
+    shares: ClassVar[Shares] = Shares(
+        SeesContacts,
+        "sees no contact of the chain",
+        "write shares: [turntable], shares: [thermal_chamber], or both",
+        needed=True,
+    )
+
     def __init__(self, place: Place) -> None:
         self.place = place
         self._open: tuple[str, ...] = ()
-        blind = [
-            name
-            for name, instrument in place.shared.items()
-            if not isinstance(instrument, SeesContacts)
-        ]
-        if blind or not place.shared:
-            what = f"{', '.join(blind)} sees none" if blind else "it gives no shares"
-            raise InstrumentError(
-                place.name,
-                "read in the bench file whose contacts make the chain",
-                what,
-                "write shares: [turntable], shares: [thermal_chamber], or both",
-            )
+        self.shares.need(place)
 
     def identify(self) -> Identity:
         """Return whose contacts these are; there is no line to ask."""

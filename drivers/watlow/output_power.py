@@ -31,7 +31,7 @@ from drivers.watlow.f4t import (
     io_register,
 )
 from station.errors import InstrumentError
-from station.roles import Driver, Identity, Place, quantity
+from station.roles import Driver, Identity, Place, Shares, quantity
 from station.roles.patience import patience
 
 EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
@@ -58,6 +58,11 @@ class WatlowOutputPower(Driver):
         )
 
     repeatable: ClassVar[Repeatable] = REPEATABLE
+    shares: ClassVar[Shares] = Shares(
+        WatlowF4T,
+        "is no Watlow F4T",
+        "share the chamber whose controller has the output, or give an address",
+    )
 
     def __init__(self, place: Place) -> None:
         self.place = place
@@ -91,15 +96,8 @@ class WatlowOutputPower(Driver):
             self._registers.line.close()
 
     def _shared_registers(self) -> F4TRegisters | None:
-        for name, instrument in self.place.shared.items():
-            if not isinstance(instrument, WatlowF4T):
-                raise self.error(
-                    "read the bench file",
-                    f"it shares {name}, which is no Watlow F4T",
-                    "share the chamber whose controller has the output, or give an address",
-                )
-            return instrument.registers
-        return None
+        self.shares.need(self.place)
+        return next((chamber.registers for chamber in self.place.shared.values()), None)
 
     def _set(self, wanted: int) -> None:
         try:

@@ -7,7 +7,7 @@ import re
 import socket
 import sys
 from contextlib import suppress
-from ipaddress import IPv6Address, ip_address
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from threading import Thread
 from urllib.parse import urlsplit
 
@@ -109,7 +109,7 @@ def forms_of(address: str, *, resolve: bool = True) -> frozenset[str]:
     """Return what an address stands for; two that may reach the same instrument share a form.
 
     Host names are resolved, for 2 s at most, to every address that they have, unless `resolve` is
-    False: then nothing is asked of the network, and a name stands for itself. Links of serial
+    False: then nothing is asked of the network, and a host stands for itself alone. Links of serial
     ports are followed. Capitals, and numbers that may be left out, make no difference. That a host
     answers on two ports cannot be seen here: behind them may be one instrument, or two.
     """
@@ -166,10 +166,12 @@ def port_form(name: str) -> str:
 def hosts(name: str, resolve: bool) -> frozenset[str]:
     """Return the network addresses that a host has, its name where none is known in time."""
     bare = name.strip("[]").rstrip(".").lower()
+    if not resolve:
+        with suppress(ValueError):
+            return frozenset({str(number_of("127.0.0.1" if bare == "localhost" else bare))})
+        return frozenset({bare})
     with suppress(ValueError):
         return frozenset({host_form(bare)})
-    if not resolve:
-        return frozenset({THIS_COMPUTER if bare == "localhost" else bare})
     resolved: list[str] = []
 
     def ask() -> None:
@@ -185,9 +187,7 @@ def hosts(name: str, resolve: bool) -> frozenset[str]:
 
 def host_form(numeric: str) -> str:
     """Return one form of a numeric address; raises ValueError where it is none."""
-    address = ip_address(numeric.split("%")[0])
-    if isinstance(address, IPv6Address) and address.ipv4_mapped:
-        address = address.ipv4_mapped
+    address = number_of(numeric)
     if address.is_loopback or address.is_unspecified:
         return THIS_COMPUTER
     family = socket.AF_INET6 if isinstance(address, IPv6Address) else socket.AF_INET
@@ -195,3 +195,9 @@ def host_form(numeric: str) -> str:
         trying.bind((str(address), 0))  # the system lets only what is its own be taken
         return THIS_COMPUTER
     return str(address)
+
+
+def number_of(numeric: str) -> IPv4Address | IPv6Address:
+    """Return a numeric address, of version 4 where it is one in 6; raises ValueError for none."""
+    address = ip_address(numeric.split("%")[0])
+    return getattr(address, "ipv4_mapped", None) or address

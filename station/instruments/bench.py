@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
+from station import registry
 from station.driver_checks import (
     CAN_SCHEMES,
     driver_faults,
+    line_faults,
     modbus_unit,
     role_faults,
-    simulator_faults,
 )
 from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
@@ -244,6 +245,16 @@ class Bench(FromDocument):
             u = u / value if relative else factor * u
         yield InputQuantity.if_stated(name, about, u, given, source)
 
+    def leads_nowhere(self, name: str) -> bool:
+        """Whether an instrument of a real bench has neither an address nor a line that it shares.
+
+        A driver that has a simulator speaks on a wire; others may find their instrument themselves.
+        """
+        entry = self.instruments.get(name)
+        if entry is None or self.simulation is not None or entry.address or entry.shares:
+            return False
+        return entry.driver in registry.names(registry.SIMULATORS)
+
     @property
     def attached(self) -> dict[str, tuple[str, str]] | None:
         """The instruments of a real bench, address to model and serial; None of a simulated one."""
@@ -301,7 +312,7 @@ def faults_of_use(document: Document) -> Iterator[Fault]:
     yield from bound_faults(document)
     yield from driver_faults(document)
     yield from role_faults(document)
-    yield from simulator_faults(document)
+    yield from line_faults(document)
     yield from _address_faults(document)
     yield from statements_of_bench(document)
 

@@ -253,6 +253,36 @@ def quantity(name: str, unit: str = "", states: States = None) -> Callable[[Read
     return decorate
 
 
+@dataclass(frozen=True)
+class Shares:
+    """Whose lines a driver may be reached over: instruments, or drivers, of a `kind`.
+
+    `otherwise` and `do_now` say what others lack and what to write; `needed` where it has no line.
+    """
+
+    kind: type
+    otherwise: str
+    do_now: str
+    needed: bool = False
+
+    def why_not(self, shared: Mapping[str, object]) -> str | None:
+        """Return why it cannot be reached over these; None where it can."""
+        wrong = [name for name, each in shared.items() if not self._fits(each)]
+        if wrong:
+            return f"{', '.join(wrong)} {self.otherwise}"
+        return "it shares no line" if self.needed and not shared else None
+
+    def need(self, place: Place) -> None:
+        """Raise InstrumentError where it cannot be reached over what is shared."""
+        if why := self.why_not(place.shared):
+            raise InstrumentError(place.name, "read the bench file", why, self.do_now)
+
+    def _fits(self, each: object) -> bool:
+        return (
+            issubclass(each, self.kind) if isinstance(each, type) else isinstance(each, self.kind)
+        )
+
+
 class Driver:
     """What every driver has: the settings that it takes, and the quantities that it reads.
 
@@ -273,6 +303,8 @@ class Driver:
     wired_by: ClassVar[Mapping[str, str]] = {}
     deadline_s: ClassVar[float] = EXCHANGE_DEADLINE_S
     deadlines: ClassVar[Mapping[str, float]] = {}
+    shares: ClassVar[Shares | None] = None
+    """Over whose lines it may be reached; None where it has a line of its own alone."""
     on_can: ClassVar[bool | None] = None
     """Whether it is reached over CAN; None where its address says that."""
     without_limits: ClassVar[str] = "nothing is switched on"

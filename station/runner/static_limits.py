@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from station.instruments.opening import with_shared
 from station.method.set_points import checks_of
 from station.procedure import Problem
 from station.units import parse_as
@@ -30,10 +31,20 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
     Instruments that the bench lacks, what the procedure itself finds, and every limit of the bench
     that a set-point would exceed.
     """
+    needed = procedure.walk(parameters).instruments
     problems = [
         Problem(("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs")
-        for name in procedure.walk(parameters).instruments
+        for name in needed
         if name not in bench.instruments
+    ]
+    problems += [
+        Problem(
+            ("procedure",),
+            f"the bench {bench.name!r} gives no address of {name}, which this plan needs; write "
+            f"instruments.{name}.address",
+        )
+        for name in with_shared(bench, needed)
+        if bench.leads_nowhere(name)
     ]
     if not procedure.steps:
         what = "analyses imported data; it has no steps that a bench could do"

@@ -143,9 +143,9 @@ def test_a_bench_that_shares_a_line_that_is_none_is_refused(shares: list[str], s
 
 
 def test_a_chain_of_what_sees_no_contact_is_refused() -> None:
-    with pytest.raises(InstrumentError, match="navigator sees none"):
+    with pytest.raises(InstrumentError, match="navigator sees no contact of the chain"):
         SharedInterlockChain(
             InstrumentPlace(CHAIN, "", RealClock(), shared={"navigator": object()})  # type: ignore[dict-item]
         )
-    with pytest.raises(InstrumentError, match="gives no shares"):
+    with pytest.raises(InstrumentError, match="it shares no line"):
         SharedInterlockChain(InstrumentPlace(CHAIN, "", RealClock()))

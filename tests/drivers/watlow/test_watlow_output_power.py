@@ -66,7 +66,7 @@ def test_the_output_of_the_chambers_own_controller_is_switched_over_its_line() -
         chamber.close()
     with controller("f4") as fixture:
         place = replace(fixture.place(output="2.1"), shared={"thermal_chamber": fixture.driver()})
-        assert "which is no Watlow F4T" in error_of(lambda: WatlowOutputPower(place))
+        assert "thermal_chamber is no Watlow F4T" in error_of(lambda: WatlowOutputPower(place))
 
 
 def test_an_output_that_is_not_there_is_told_in_words() -> None:

@@ -9,7 +9,9 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
+from command_line import PLAN, station
 
+from station.files.lookup import BENCHES, find
 from station.files.validation import validate_model
 from station.files.yaml.document import yaml_text
 from station.files.yaml.reading import FaultList, read_yaml_text
@@ -268,6 +270,7 @@ def test_one_line_for_two_instruments_is_refused_in_any_spelling(
         ("GPIB::22", "GPIB::23"),
         ("GPIB0::22", "GPIB1::22"),
         ("TCPIP::192.0.2.7::5025::SOCKET", "TCPIP::192.0.2.7::5024::SOCKET"),
+        ("TCPIP::127.0.0.1::5025::SOCKET", "TCPIP::127.0.0.2::5025::SOCKET"),
         ("socketcand://192.0.2.7/can0", "socketcand://192.0.2.7:29536/can0"),
     ],
 )
@@ -295,3 +298,62 @@ def test_devices_of_a_modbus_line_are_distinguished_by_their_numbers(
         "safe_state: []\n"
     )
     assert any("is the address of thermal_chamber, too" in fault for fault in faults) == refused
+
+
+@pytest.mark.parametrize(
+    ("instrument", "fault"),
+    [
+        (
+            "interlock_chain: {driver: interlock-chain-shared, shares: [rotary_stage]}",
+            "8:61: instruments.interlock_chain.shares: rotary_stage sees no contact of the chain; "
+            "write shares: [turntable], shares: [thermal_chamber], or both",
+        ),
+        (
+            "interlock_chain: {driver: interlock-chain-shared}",
+            "8:20: instruments.interlock_chain.shares: it shares no line; write shares: "
+            "[turntable], shares: [thermal_chamber], or both",
+        ),
+        (
+            "dut_power: {driver: watlow-output-power, settings: {output: '2.1'}, shares: "
+            "[rotary_stage]}",
+            "8:79: instruments.dut_power.shares: rotary_stage is no Watlow F4T; share the chamber "
+            "whose controller has the output, or give an address",
+        ),
+        (
+            "multimeter: {driver: keysight-34465a, shares: [rotary_stage]}",
+            "8:49: instruments.multimeter.shares: its driver has a line of its own; write its "
+            "`address` in place of `shares`",
+        ),
+    ],
+)
+def test_shares_of_what_leads_nowhere_are_refused_as_a_run_refuses_them(
+    instrument: str, fault: str
+) -> None:
+    stage = (
+        "bench: 1\n"
+        "name: lab\n"
+        "instruments:\n"
+        "  rotary_stage:\n"
+        "    driver: ideal-aerosmith-stage\n"
+        "    address: COM3\n"
+        "    limits: {rate: 20 deg/s, acceleration: 40 deg/s^2}\n"
+    )
+    assert faults_of_use_of(f"{stage}  {instrument}\nsafe_state: []\n") == [fault]
+    assert not faults_of_use_of(f"{stage}safe_state: []\n")
+
+
+def test_what_a_plan_needs_has_an_address_on_a_real_bench(tmp_path: Path) -> None:
+    """What it does not need may wait for one."""
+    text = find(BENCHES, "sim").read_text(encoding="utf-8")
+    real = text[: text.index("\nsimulation:")]
+    (tmp_path / "bench.yaml").write_text(f"{real}\n", encoding="utf-8")
+    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
+    done = station(tmp_path, "validate", "plan.yaml", "--bench", "bench.yaml")
+    assert done.returncode == 2
+    lines = done.stderr.splitlines()
+    named = [line.split(" no address of ")[1].split(",")[0] for line in lines]
+    assert named == ["coil_supply.x", "gaussmeter", "gyro_acquisition"]
+    assert lines[0] == (
+        "plan.yaml:2:12: procedure: the bench 'sim' gives no address of coil_supply.x, which this "
+        "plan needs; write instruments.coil_supply.x.address"
+    )

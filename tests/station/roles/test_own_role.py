@@ -153,7 +153,11 @@ def test_a_bench_may_have_it_with_its_limit_and_an_interlock_on_its_quantity(
         ("above: 12 W", "above: 16 W", "so far beyond limits.power of lamp_oven, 10 W"),
         ("quantity: power", "quantity: watts", "is no quantity of a lamp_oven; it has power"),
         ("driver: lab-oven", "driver: operator-power", "cannot be a lamp_oven; it can be dut"),
-        ("driver: lab-oven", "driver: interlock-chain-shared", "has no simulator, and this bench"),
+        (
+            "driver: lab-oven",
+            "driver: interlock-chain-shared",
+            "it shares no line; write shares:",
+        ),
         (" W}\n    simulator: {}\n", " W}\n", "is missing; a simulated bench needs it, an empty"),
     ],
 )
