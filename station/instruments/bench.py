@@ -32,7 +32,7 @@ from station.instruments.commissioned import Commissioned
 from station.instruments.laboratory import Laboratory
 from station.roles.base import MAX_DEADLINE_S
 from station.roles.role import instances, limits, role, role_of
-from station.safety.bounds import bound_faults
+from station.safety.bounds import bound_faults, mapping
 from station.safety.interlocks.reading import (
     Interlock,
     InterlockEntry,
@@ -309,6 +309,7 @@ def bench_of(
 
 def faults_of_use(document: Document) -> Iterator[Fault]:
     """Yield what keeps a bench file from being used: beyond a bound, or not known to a driver."""
+    yield from _limit_faults(document)
     yield from bound_faults(document)
     yield from driver_faults(document)
     yield from role_faults(document)
@@ -340,6 +341,17 @@ def _instrument_faults(
             yield document.fault(
                 (*where, "limits", limit), f"is missing; a {role_of(name)} needs it"
             )
+
+
+def _limit_faults(document: Document) -> Iterator[Fault]:
+    """Yield a fault for each limit that instruments of another role have: nothing would hold it."""
+    for name, entry in document.data["instruments"].items():
+        given, declared = mapping(mapping(entry).get("limits")), role(role_of(name))
+        known = declared.limits if declared else limits()
+        for key in given:
+            if key in limits() and key not in known:
+                fault = not_there(f"is no limit of a {role_of(name)}", key, known, "it has")
+                yield document.fault(("instruments", name, "limits", key), *fault, at_key=True)
 
 
 def _address_faults(document: Document) -> Iterator[Fault]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where
-from station.roles.role import kind_of, role_of
+from station.roles.role import kind_of, limits, role_of
 from station.safety.interlocks.conditions import Condition, Level
 from station.safety.interlocks.reading import entries_of, interlocks_in
 from station.safety.safe_state import DEFAULT_WITHIN_S
@@ -61,10 +61,9 @@ def bound_faults(document: Document) -> Iterator[Fault]:
 
 
 def _coil_faults(document: Document, name: str, entry: Mapping[str, Any]) -> Iterator[Fault]:
-    limits = mapping(entry.get("limits"))
     where: Where = ("instruments", name, "limits")
-    current_A, zero_A = quantity(limits, "current", "A"), quantity(limits, "zero_current", "A")
-    slew_A_per_s = quantity(limits, "slew", "A/s")
+    current_A, zero_A = limit(entry, "current", "A"), limit(entry, "zero_current", "A")
+    slew_A_per_s = limit(entry, "slew", "A/s")
     if not current_A:
         return
     most_A = min(ZERO_SHARE * current_A, MAX_ZERO_A)
@@ -124,9 +123,8 @@ def ramp_of(name: str, entry: Any) -> tuple[float, str]:
 
     0.0 for what has no ramp. The slope is the name of the limit by which it is made shorter.
     """
-    limits = mapping(mapping(entry).get("limits"))
     top, unit, slope = RAMPS.get(role_of(name), ("", "", ""))
-    largest, per_s = quantity(limits, top, unit), quantity(limits, slope, RAMP_UNITS.get(slope, ""))
+    largest, per_s = limit(entry, top, unit), limit(entry, slope, RAMP_UNITS.get(slope, ""))
     if not largest or not per_s:
         return 0.0, slope
     return largest / per_s, slope
@@ -160,15 +158,14 @@ def _threshold_faults(
     document: Document, level: Level, instruments: Mapping[str, Any]
 ) -> Iterator[Fault]:
     key, unit, high = kind_of(level.instrument, level.quantity).limit, level.unit, level.high
-    limits = mapping(mapping(instruments.get(level.instrument)).get("limits"))
-    limit = quantity(limits, key, unit) if key else None
-    if limit is None:
+    allowed = limit(instruments.get(level.instrument), key, unit) if key else None
+    if allowed is None:
         return
-    most = limit + BEYOND_TEMPERATURE_K if unit == "degC" else BEYOND_LIMIT * limit
+    most = allowed + BEYOND_TEMPERATURE_K if unit == "degC" else BEYOND_LIMIT * allowed
     if high > most:
         yield document.fault(
             level.place_of_high,
-            f"{high:g} {unit} is so far beyond limits.{key} of {level.instrument}, {limit:g} "
+            f"{high:g} {unit} is so far beyond limits.{key} of {level.instrument}, {allowed:g} "
             f"{unit}, that the interlock protects nothing; at most {most:g} {unit}",
         )
 
@@ -180,12 +177,11 @@ def _unwatched_faults(
 
     A gaussmeter's look counts up to one and a half times what the coil makes at its limit.
     """
-    limits, settings = mapping(entry.get("limits")), mapping(entry.get("settings"))
-    current_A = quantity(limits, "current", "A")
-    constant = quantity(settings, "coil_constant", "mT/A")
+    current_A = limit(entry, "current", "A")
+    constant = quantity(mapping(entry.get("settings")), "coil_constant", "mT/A")
     if current_A is None:
         return  # other checks ask for it
-    voltage_V = quantity(limits, "voltage", "V")
+    voltage_V = limit(entry, "voltage", "V")
     most_mT = BEYOND_LIMIT * current_A * abs(constant) if constant else math.inf
     most = {
         (name, "current"): BEYOND_LIMIT * current_A,
@@ -204,6 +200,18 @@ def _unwatched_faults(
         f"above: {1.025 * current_A:g} A}}, grace: 0.4 s}}",
         at_key=True,
     )
+
+
+def limit(entry: Any, key: str, unit: str) -> float | None:
+    """Return a limit of an instrument; None where there is none, or none that could hold.
+
+    Other checks refuse one that is not above zero, and a highest one below the lowest.
+    """
+    given, declared = mapping(mapping(entry).get("limits")), limits().get(key)
+    value, low = quantity(given, key, unit), quantity(given, key.replace("_high", "_low"), unit)
+    if value is None or (value <= 0 and not (declared and declared.signed)):
+        return None
+    return None if key.endswith("_high") and low is not None and value <= low else value
 
 
 def quantity(data: Mapping[str, Any], key: str, unit: str) -> float | None:

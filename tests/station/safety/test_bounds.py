@@ -210,3 +210,30 @@ def test_a_deadline_that_grace_and_safe_state_leave_room_for_is_taken(tmp_path: 
     path.write_text(with_deadline("1.5 s", "grace: 4.5 s", "within: 30 s"), encoding="utf-8")
     bench = read_bench(path, registry.names(registry.DRIVERS))
     assert bench.instruments["coil_supply.x"].deadline_s == 1.5
+
+
+ALONE = {
+    ("current: 8 A", "current: -8 A"): "8:23: instruments.coil_supply.x.limits.current: must be "
+    "above 0, not '-8 A'",
+    ("slew: 2 A/s", "slew: -2 A/s"): "8:49: instruments.coil_supply.x.limits.slew: must be above "
+    "0, not '-2 A/s'",
+    ("slew: 2 A/s", "slew: 0 A/s"): "8:49: instruments.coil_supply.x.limits.slew: must be above 0, "
+    "not '0 A/s'",
+    ("temperature_high: 70 degC", "temperature_high: -70 degC"): "16:59: "
+    "instruments.thermal_chamber.limits.temperature_high: must be above the low limit, -45",
+    ("temperature_low: -45 degC", "rate: 5 deg/s, temperature_low: -45 degC"): "16:14: "
+    "instruments.thermal_chamber.limits.rate: is no limit of a thermal_chamber; it has "
+    "temperature_low, temperature_high, temperature_slew",
+    (
+        "averaging: 100 ms, timestamp: interval-end}",
+        "averaging: 100 ms, timestamp: interval-end}\n    limits: {current: 1 A}",
+    ): "13:14: instruments.gaussmeter.limits.current: is no limit of a gaussmeter; it has none",
+}
+
+
+@pytest.mark.parametrize("change", ALONE)
+def test_a_limit_that_cannot_hold_is_one_fault_at_its_place(
+    change: tuple[str, str], tmp_path: Path
+) -> None:
+    (fault,) = faults_of(tmp_path, GOOD.replace(*change))
+    assert fault == ALONE[change]
