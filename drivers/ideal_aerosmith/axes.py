@@ -30,6 +30,10 @@ AGREES = 1e-3
 ENCODER_AGREES = 0.2
 """By how much rate and encoder of an axis that has its rate may differ, in the rate."""
 
+STEADY, HIGH = 0.01, 0.5
+"""By how much a rate may change on the way to an angle while it is held against the encoder, and in
+the bench's limit, how high it is then."""
+
 WORD = re.compile("[!-:<=@-~]*")
 PREFIXES = {1: ("",), 2: ("1", "2"), 3: ("1", "2", "3")}
 MOVED = (Doing.STOPPING, Doing.POSITIONING, Doing.TURNING)
@@ -114,7 +118,8 @@ class AtlTable(AxesTable):
         self._line, self._met = line, met
         self._reading_deg = dict.fromkeys(self.axes, math.nan)
         self._stood_since_s = dict.fromkeys(self.axes, math.inf)
-        self._rate_from: dict[int, tuple[float, float]] = {}
+        self._rate_from: dict[int, tuple[float, float, float]] = {}
+        """Since when an axis has its rate: time in s, angle in deg, and the rate in deg/s."""
         self.tells_motor = True
         self.held: set[int] = set()
         """The axes whose motor was switched on here: one that is off now was switched off."""
@@ -242,6 +247,8 @@ class AtlTable(AxesTable):
             near_deg = abs(math.remainder(self._reading_deg[n], TURN_DEG))
             there = near_deg <= settings.in_position_deg and not self.is_turning(state)
             return self._has_settled(n, there, HOME_SETTLES_S) and self._knows_zero(state)
+        if state.doing is Doing.POSITIONING:
+            self._need_steady_rate_of_encoder(state)
         self.need_turns(state)
         planned = state.count.planned_rate(self._place.clock.now())
         rests = not self.is_turning(state) and not planned
@@ -266,7 +273,7 @@ class AtlTable(AxesTable):
         agrees = ramped and self.agrees(state)
         settled = self._has_settled(n, agrees)
         if agrees and n not in self._rate_from:
-            self._rate_from[n] = now_s, state.count.angle_deg
+            self._rate_from[n] = now_s, state.count.angle_deg, state.rate
         if settled and not state.at_rate:
             self._need_rate_of_encoder(state, now_s)
             state.at_rate = True
@@ -362,21 +369,42 @@ class AtlTable(AxesTable):
         self._stood_since_s[n] = min(self._stood_since_s[n], now_s) if so else math.inf
         return now_s - self._stood_since_s[n] >= for_s
 
+    def _need_steady_rate_of_encoder(self, state: AxisState) -> None:
+        """Hold a high rate that stays the same on the way to an angle against the encoder.
+
+        Movements are limited in the table's own unit: in the wrong one they take for ever. Between
+        two equal rates of a movement it is never slower, and may well be faster.
+        """
+        n, now_s = state.number, self._place.clock.now()
+        began_s, began_deg, began_rate = self._rate_from.get(n, (math.inf, 0.0, 0.0))
+        if abs(state.rate - began_rate) > STEADY * abs(state.rate) or now_s < began_s:
+            self._rate_from[n] = now_s, state.count.angle_deg, state.rate
+        elif now_s - began_s >= SETTLES_S and abs(state.rate) > HIGH * self._limit("rate"):
+            by_encoder = (state.count.angle_deg - began_deg) / (now_s - began_s)
+            if by_encoder / state.rate < 1 - ENCODER_AGREES:
+                attempted = f"go to {state.target_deg:g} deg on axis {n}"
+                raise self._another_unit(state, attempted, by_encoder)
+
     def _need_rate_of_encoder(self, state: AxisState, now_s: float) -> None:
         """Raise InstrumentError where the encoder goes otherwise than its rate says."""
-        began_s, began_deg = self._rate_from[state.number]
+        began_s, began_deg, _ = self._rate_from[state.number]
         by_encoder = (state.count.angle_deg - began_deg) / (now_s - began_s)
         allowed = self.settings.at_rest_deg_per_s + ENCODER_AGREES * abs(state.rate)
         if state.count.lost or abs(by_encoder - state.rate) > allowed:
-            self.brake(state)
-            state.homed = False
-            raise InstrumentError(
-                self._place.name,
-                f"turn axis {state.number} at {state.rate_demand:g} deg/s",
-                f"it says {state.rate:.4f} deg/s, and its encoder goes at {by_encoder:.4f} deg/s",
-                "look in which units the table's angles and rates are, and write "
-                "settings.rates_by where rates are by the minute",
-            )
+            attempted = f"turn axis {state.number} at {state.rate_demand:g} deg/s"
+            raise self._another_unit(state, attempted, by_encoder)
+
+    def _another_unit(self, state: AxisState, attempted: str, by_encoder: float) -> InstrumentError:
+        """Stop an axis, and return that its encoder goes otherwise than its rate says."""
+        self.brake(state)
+        state.homed = False
+        return InstrumentError(
+            self._place.name,
+            attempted,
+            f"it says {state.rate:.4f} deg/s, and its encoder goes at {by_encoder:.4f} deg/s",
+            "look in which units the table's angles and rates are, and write "
+            "settings.rates_by where rates are by the minute",
+        )
 
     def _need_inside(self, state: AxisState) -> None:
         """Stop an axis that turns out of the bench's angles, and raise InstrumentError."""

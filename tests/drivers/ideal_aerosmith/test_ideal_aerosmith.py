@@ -258,6 +258,33 @@ def test_a_table_whose_rates_are_by_the_minute_ends_the_run_or_is_told() -> None
         assert rate == pytest.approx(60.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("form", [{}, {"position": "turns"}, THREE])
+def test_a_movement_in_another_unit_of_rates_names_the_setting_at_once(
+    form: dict[str, Any],
+) -> None:
+    with aerosmith_bench({**form, "rates": "minute", "rate_noise": "0 deg/s"}) as bench:
+        table = bench.homed()
+        table.move_to(1, 90.0)
+        said = error_of(lambda: bench.wait(table))
+        assert "go to 90 deg on axis 1: it says 109.9" in said
+        assert re.search(r"its encoder goes at 1\.8\d+ deg/s", said)
+        assert "settings.rates_by" in said
+        assert abs(bench.rotation().now_at(bench.clock.now())[0]) < 5.0
+        bench.clock.sleep(3.0)
+        assert not bench.table.energised()
+
+
+@pytest.mark.parametrize("apart_s", [0.05, 0.5, 1.0, 2.2])
+def test_a_movement_in_the_right_unit_is_never_taken_for_one_in_another(apart_s: float) -> None:
+    with aerosmith_bench() as bench:
+        table = bench.homed()
+        for angle_deg in (90.0, 300.0, -160.0, 1400.0):
+            table.move_to(1, angle_deg)
+            while table.is_moving(1):
+                bench.clock.sleep(apart_s)
+            assert table.angle_deg(1) == pytest.approx(angle_deg, abs=1e-3)
+
+
 def test_an_encoder_that_disagrees_with_the_rate_is_no_rate() -> None:
     with aerosmith_bench() as bench:
         table = bench.homed()
