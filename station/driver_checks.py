@@ -20,7 +20,7 @@ from station import registry
 from station.errors import QuantityNotRead, reason_of
 from station.fields import StrictModel, key_of
 from station.files.faults import Fault, listed, not_there
-from station.files.validation import check_model
+from station.files.validation import MISSING, check_model
 from station.files.yaml.document import Document, Where
 from station.roles.base import EXCHANGE_DEADLINE_S, MAX_DEADLINE_S, TRIES, Shares
 from station.roles.role import quantities_of, role, role_of, roles_of
@@ -29,7 +29,6 @@ from station.safety.interlocks.conditions import STACKS
 from station.safety.interlocks.reading import CHAIN, interlocks_in
 from station.safety.safe_state import DEFAULT_WITHIN_S
 
-MISSING = "is missing"
 CAN_SCHEMES = ("can://", "socketcand://")
 
 
@@ -57,6 +56,14 @@ def settings_of_role(instance: str) -> type[BaseModel] | None:
     """Return the settings that procedures read of an instance, None where its role has none."""
     declared = role(role_of(instance))
     return None if declared is None else declared.settings
+
+
+def known_settings(name: str, entry: Any) -> set[str]:
+    """Return the settings that an instrument's driver and its role take."""
+    keys = set(keys_of(settings_of_role(name) or StrictModel))
+    with suppress(Exception):  # why a driver cannot be loaded is said by `driver_faults`
+        keys |= set(keys_of(settings_of(registry.load(registry.DRIVERS, entry["driver"]))))
+    return keys
 
 
 def keys_of(model: type[BaseModel]) -> list[str]:
@@ -196,15 +203,19 @@ def line_faults(document: Document) -> Iterator[Fault]:
     for name, entry in instruments.items():
         with suppress(Exception):  # why it cannot be loaded is said by `driver_faults`
             loaded[name] = registry.load(registry.DRIVERS, mapping(entry)["driver"])
+    filled = {name for name, driver in loaded.items() if role_of(name) in roles_of(driver)}
     for name, driver in loaded.items():
         entry, where = mapping(instruments[name]), ("instruments", name)
         served = entry["driver"] in registry.names(registry.SIMULATORS)
         shares: Shares | None = getattr(driver, "shares", None)
         if shares is not None:
-            shared = [other for other in listing(entry.get("shares")) if other in loaded]
+            shared = [other for other in listing(entry.get("shares")) if other in filled]
             why = shares.why_not({other: loaded[other] for other in shared})
             if why and (shared or not entry.get("shares")):
                 yield document.fault((*where, "shares"), f"{why}; {shares.do_now}")
+            if shared and entry.get("address"):
+                what = "has no effect beside `shares`; keep what the instrument is reached by"
+                yield document.fault((*where, "address"), what)
         elif served and entry.get("shares"):
             what = "its driver has a line of its own; write its `address` in place of `shares`"
             yield document.fault((*where, "shares"), what)
@@ -248,8 +259,12 @@ def _own_faults(document: Document, name: str, driver: object) -> Iterator[Fault
     own = [key for key in keys_of(model) if key not in common]
     known = [*own, *common]
     for key in mapping(mapping(document.data["instruments"][name]).get("settings")):
-        if key not in known:
+        if key not in known and (declared := role(role_of(name))):  # else its name is the fault
             what = f"there is no setting '{key}'"
+            if key in declared.limits:
+                where = ("instruments", name, "settings", key)
+                yield document.fault(where, what, f"'limits.{key}'", at_key=True)
+                continue
             fault = not_there(what, str(key), known, "this driver knows")
             yield document.fault(("instruments", name, "settings", key), *fault, at_key=True)
     yield from _settings_faults(document, name, model, own, "this driver")

@@ -70,7 +70,8 @@ def _place(fault: Fault) -> tuple[str, int, int]:
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that was probably meant, or None.
 
-    Case and the kind of dash are forgiven first, then a few wrong letters.
+    Case and the kind of dash are forgiven first, then a few wrong letters; `f71` is enough for
+    `lakeshore-f71` where nothing else has it.
     """
     if len(word) > LONGEST:
         return None
@@ -79,7 +80,10 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     if _fold(word) in folded:
         return folded[_fold(word)]
     close = get_close_matches(_fold(word), list(folded), n=1, cutoff=0.6)
-    return folded[close[0]] if close else None
+    if close:
+        return folded[close[0]]
+    having = [known for known in folded if f"-{_fold(word)}-" in f"-{known}-"]
+    return folded[having[0]] if len(having) == 1 else None
 
 
 def _fold(word: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Loc = tuple[str | int, ...]
 MAX_LOOKED_AT = 200
+MISSING, UNKNOWN, QUOTE = "is missing", "is not known here", "'"
 
 _WANTED = {
     "string_type": "text",
@@ -80,6 +81,17 @@ def check_model(
         return None, listed
 
 
+def without_meant(faults: Iterable[Fault]) -> Iterator[Fault]:
+    """Yield faults but for what is missing because its key is written otherwise beside it."""
+    told = list(faults)
+    meant = {
+        f"{fault.where.removesuffix(fault.where.rpartition('.')[2])}{fault.hint.strip(QUOTE)}"
+        for fault in told
+        if fault.hint and fault.what.startswith(UNKNOWN)
+    }
+    return (fault for fault in told if fault.what != MISSING or fault.where not in meant)
+
+
 def _is_inside_told(document: Document, at: Loc, detail: dict[str, Any], details: Any) -> bool:
     """Whether a branch of a union wants no mapping, where another one looks into the mapping."""
     loc, within = detail["loc"], detail["loc"][:-1]
@@ -109,11 +121,15 @@ def _fault(document: Document, model: type[BaseModel], at: Loc, detail: dict[str
     kind, loc = detail["type"], detail["loc"]
     path = _in_file(document, at, loc)
     if kind == "missing":
-        return document.fault((*path, loc[-1]), "is missing")
+        return document.fault((*path, loc[-1]), MISSING)
     if kind == "extra_forbidden":
         known = _keys_at(model, loc[:-1])
+        before, colon, _ = str(loc[-1]).partition(":")
+        if colon and before in known:
+            what = "is not known here; a blank is missing behind the colon"
+            return document.fault(path, what, f"'{before}'", at_key=True)
         hint = nearest(str(loc[-1]), known) or _further_out(model, at, loc)
-        what = "is not known here" if hint else f"is not known here; known are {listed(known)}"
+        what = UNKNOWN if hint else f"is not known here; known are {listed(known)}"
         return document.fault(path, what, hint and f"'{hint}'", at_key=True)
     if loc and loc[-1] == "[key]":
         what, hint = _sentence(kind, detail, str(path[-1]))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -14,6 +14,7 @@ from station import registry
 from station.driver_checks import (
     CAN_SCHEMES,
     driver_faults,
+    known_settings,
     line_faults,
     modbus_unit,
     role_faults,
@@ -21,7 +22,7 @@ from station.driver_checks import (
 from station.fields import Second, StrictModel, Unit, key_of, to_yaml_data
 from station.files.faults import Fault, FaultList, listed, nearest, not_there
 from station.files.statements import statements_of_bench
-from station.files.validation import check_model
+from station.files.validation import UNKNOWN, check_model, without_meant
 from station.files.yaml.document import Document, FromDocument, Where
 from station.files.yaml.reading import read_yaml
 from station.findings import InputQuantity
@@ -298,8 +299,10 @@ def bench_of(
     if isinstance(instruments, dict):
         for name, entry in instruments.items():
             faults += _instrument_faults(document, name, entry, drivers)
-        faults += _safe_state_faults(document, list(instruments))
-        faults += interlock_faults(document, list(instruments))
+        named = [*instruments, *_meant(instruments).values()]
+        faults = [_deeper(document, fault) for fault in without_meant(faults)]
+        faults += _safe_state_faults(document, named)
+        faults += interlock_faults(document, named)
         if bounded:
             faults += faults_of_use(document)
     if file is None or faults:
@@ -318,13 +321,46 @@ def faults_of_use(document: Document) -> Iterator[Fault]:
     yield from statements_of_bench(document)
 
 
+def _meant(instruments: Iterable[str]) -> dict[str, str]:
+    """Return by each name that no instrument may have the one that was probably meant.
+
+    What the rest of the file says of that one is no fault of its own.
+    """
+    known = instances()
+    near = {name: _nearest_instance(name) for name in instruments if name not in known}
+    return {name: meant for name, meant in near.items() if meant}
+
+
+def _nearest_instance(name: str) -> str | None:
+    """Return the instance that was probably meant; the first of a role that has several."""
+    declared = role(name)
+    return declared.instances[0] if declared else nearest(name, instances())
+
+
+def _deeper(document: Document, fault: Fault) -> Fault:
+    """Return the fault of an instrument's key that belongs into its settings or limits with that.
+
+    The model of a bench file does not know what drivers take.
+    """
+    instruments = mapping(document.data.get("instruments"))
+    for name, entry in instruments.items():
+        key = fault.where.removeprefix(f"instruments.{name}.")
+        if key not in mapping(entry) or not fault.what.startswith(UNKNOWN):
+            continue
+        if key in limits():
+            return replace(fault, what=UNKNOWN, hint=f"'limits.{key}'")
+        if key in known_settings(name, entry):
+            return replace(fault, what=UNKNOWN, hint=f"'settings.{key}'")
+    return fault
+
+
 def _instrument_faults(
     document: Document, name: str, entry: Any, drivers: Collection[str] | None
 ) -> Iterator[Fault]:
     where: Where = ("instruments", name)
     known = instances()
     if name not in known:
-        hint = nearest(name, known)
+        hint = _nearest_instance(name)
         what = "is no instrument that a procedure asks for"
         what += "" if hint else f"; known are {listed(known)}"
         yield document.fault(where, what, hint and f"'{hint}'", at_key=True)
@@ -336,8 +372,9 @@ def _instrument_faults(
         yield document.fault((*where, "driver"), *fault)
     yield from _shares_faults(document, name, entry.get("shares"))
     given, declared = entry.get("limits", {}), role(role_of(name))
+    wrong = {nearest(str(key), limits()) for key in mapping(given) if key not in limits()}
     for limit in declared.needed_limits if declared else ():
-        if isinstance(given, dict) and given.get(limit) is None:
+        if isinstance(given, dict) and given.get(limit) is None and limit not in wrong:
             yield document.fault(
                 (*where, "limits", limit), f"is missing; a {role_of(name)} needs it"
             )
@@ -386,9 +423,12 @@ def _address_faults(document: Document) -> Iterator[Fault]:
 def _shares_faults(document: Document, name: str, shares: Any) -> Iterator[Fault]:
     """Yield each name in `shares` that is no other instrument with a line of its own."""
     instruments = document.data["instruments"]
+    meant = _meant(instruments).values()
     for number, shared in enumerate(shares if isinstance(shares, list) else ()):
         where: Where = ("instruments", name, "shares", number)
         others = [other for other in instruments if other != name]
+        if shared in meant:
+            continue
         if shared not in others:
             hint = nearest(str(shared), others)
             what = f"this bench has no other instrument '{shared}'"

@@ -46,6 +46,7 @@ CELL_HEATER = Role(
     "cell_heater",
     CellHeater,
     limits={
+        "temperature_low": Limit("degC", "lowest temperature", signed=True),
         "temperature_high": Limit("degC", "highest temperature", needed=True, signed=True),
         "temperature_slew": Limit("degC/min", "fastest change of temperature", needed=True),
     },

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from station.roles.base import SampledSource
-from station.roles.role import TEMPERATURE, Quantity, Role, Witness
+from station.roles.role import TEMPERATURE, Limit, Quantity, Role, Witness
 from station.units import parse_as
 
 
@@ -55,6 +55,7 @@ def field_of_source_mT(bounds: Mapping[str, float], settings: Mapping[str, Any])
 GAUSSMETER = Role(
     "gaussmeter",
     Gaussmeter,
+    limits={"field": Limit("mT", "largest field amplitude a plan may ask for")},
     quantities={
         # Longer than the pause between two looks of a running record, whose reading then serves.
         "field": Quantity("mT", period_s=2.0, magnitude=True, while_on=True),

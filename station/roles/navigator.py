@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from station.roles.base import SampledSource
-from station.roles.role import TEMPERATURE, Role
+from station.roles.role import TEMPERATURE, Limit, Role
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,7 @@ class Navigator(SampledSource, Protocol):
 NAVIGATOR = Role(
     "navigator",
     Navigator,
+    limits={"rate": Limit("deg/s", "largest rate")},
     quantities={"temperature": TEMPERATURE},
     start_samples=lambda source: source.start(rate_Hz=10.0),
     reads_device=True,

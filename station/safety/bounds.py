@@ -14,7 +14,7 @@ from typing import Any
 
 from station.files.faults import Fault
 from station.files.yaml.document import Document, Where
-from station.roles.role import kind_of, limits, role_of
+from station.roles.role import instances, kind_of, limits, role_of
 from station.safety.interlocks.conditions import Condition, Level
 from station.safety.interlocks.reading import entries_of, interlocks_in
 from station.safety.safe_state import DEFAULT_WITHIN_S
@@ -56,7 +56,7 @@ def bound_faults(document: Document) -> Iterator[Fault]:
         yield from _threshold_faults(document, level, instruments)
     looks = list(upper_limits(conditions, "any"))
     for name, entry in instruments.items():
-        if role_of(str(name)) == COIL:
+        if role_of(str(name)) == COIL and name in instances():
             yield from _unwatched_faults(document, str(name), mapping(entry), looks)
 
 

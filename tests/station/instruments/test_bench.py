@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from command_line import PLAN, station
 
+from station import registry
+from station.files.faults import nearest
 from station.files.lookup import BENCHES, find
 from station.files.validation import validate_model
 from station.files.yaml.document import yaml_text
@@ -357,3 +359,80 @@ def test_what_a_plan_needs_has_an_address_on_a_real_bench(tmp_path: Path) -> Non
         "plan.yaml:2:12: procedure: the bench 'sim' gives no address of coil_supply.x, which this "
         "plan needs; write instruments.coil_supply.x.address"
     )
+
+
+LAB = """\
+bench: 1
+name: lab
+instruments:
+  turntable:
+    driver: ideal-aerosmith
+    address: /dev/ttyUSB0
+    settings: {axes: 3, outer_axis: 3, middle_axis: 2, inner_axis: 1}
+    limits: {rate: 110 deg/s, acceleration: 50 deg/s^2}
+  coil_supply.x:
+    driver: kepco-bop-36-12
+    address: TCPIP::192.0.2.11::5025::SOCKET
+    settings: {coil_constant: 0.3 mT/A}
+    limits: {current: 8 A, voltage: 30 V, slew: 2 A/s, zero_current: 20 mA}
+  interlock_chain:
+    driver: interlock-chain-shared
+    shares: [turntable]
+interlocks:
+  - {name: coil, when: {instrument: coil_supply.x, quantity: current, above: 8.2 A}, grace: 0.4 s}
+  - {name: rate, when: {instrument: turntable, quantity: rate, above: 115 deg/s}, grace: 0.4 s}
+safe_state:
+  - {role: turntable, within: 15 s}
+  - {instrument: coil_supply.x, within: 30 s}
+"""
+SLIPS = {
+    ("  turntable:\n", "  rate_table:\n"): "4:3: instruments.rate_table: is no instrument that a "
+    "procedure asks for; did you mean 'turntable'",
+    ("  coil_supply.x:\n", "  coil_supply:\n"): "9:3: instruments.coil_supply: is no instrument "
+    "that a procedure asks for; did you mean 'coil_supply.x'",
+    ("driver: ideal-aerosmith", "driver: ideal-aerosmith-stage"): "5:13: "
+    "instruments.turntable.driver: the driver 'ideal-aerosmith-stage' cannot be a turntable; it "
+    "can be rotary_stage",
+    ("    address: /dev", "    Address: /dev"): "6:5: instruments.turntable.Address: is not known "
+    "here; did you mean 'address'",
+    ("    driver: kepco", "    Driver: kepco"): "10:5: instruments.coil_supply.x.Driver: is not "
+    "known here; did you mean 'driver'",
+    ("voltage: 30 V", "voltag: 30 V"): "13:28: instruments.coil_supply.x.limits.voltag: is not "
+    "known here; did you mean 'voltage'",
+    ("{name: coil,", "{name:coil,"): "18:6: interlocks[1].name:coil: is not known here; a blank is "
+    "missing behind the colon; did you mean 'name'",
+    ("    settings: {axes", "    moves_by: MOV\n    settings: {axes"): "7:5: "
+    "instruments.turntable.moves_by: is not known here; did you mean 'settings.moves_by'",
+    (
+        "    limits: {rate: 110 deg/s, a",
+        "    rate: 110 deg/s\n    limits: {rate: 110 deg/s, a",
+    ): "8:5: instruments.turntable.rate: is not known here; did you mean 'limits.rate'",
+    (
+        "{axes: 3,",
+        "{axes: 3, rate: 9 deg/s,",
+    ): "7:25: instruments.turntable.settings.rate: there "
+    "is no setting 'rate'; did you mean 'limits.rate'",
+    ("shares: [turntable]", "shares: [turntable]\n    address: COM7"): "17:14: "
+    "instruments.interlock_chain.address: has no effect beside `shares`; keep what the instrument "
+    "is reached by",
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_slip_of_the_pen_is_one_fault_at_its_place(slip: tuple[str, str]) -> None:
+    drivers = registry.names(registry.DRIVERS)
+    assert LAB.count(slip[0]) == 1
+    bench_of(read_yaml_text(LAB, Path("bench.yaml")), drivers, bounded=True)
+    with pytest.raises(FaultList) as caught:
+        document = read_yaml_text(LAB.replace(*slip), Path("bench.yaml"))
+        bench_of(document, drivers, bounded=True)
+    assert [str(fault) for fault in caught.value.faults] == [f"bench.yaml:{SLIPS[slip]}"]
+
+
+@pytest.mark.parametrize(
+    ("model", "driver"),
+    [("F71", "lakeshore-f71"), ("DAQ970A", "keysight-daq970a"), ("bop 36-12", "kepco-bop-36-12")],
+)
+def test_a_driver_is_named_by_its_model_where_only_one_has_it(model: str, driver: str) -> None:
+    assert nearest(model, registry.names(registry.DRIVERS)) == driver
+    assert nearest("keysight", registry.names(registry.DRIVERS)) != driver

@@ -227,7 +227,7 @@ ALONE = {
     (
         "averaging: 100 ms, timestamp: interval-end}",
         "averaging: 100 ms, timestamp: interval-end}\n    limits: {current: 1 A}",
-    ): "13:14: instruments.gaussmeter.limits.current: is no limit of a gaussmeter; it has none",
+    ): "13:14: instruments.gaussmeter.limits.current: is no limit of a gaussmeter; it has field",
 }
 
 
