@@ -657,6 +657,8 @@ CONDITIONS = {
     "accelerometer-magnetic-sensitivity": {
         "local_gravity": "gravity at the place; `1 g` where accelerations are to be in local g",
         "local_gravity_uncertainty": "its standard uncertainty; not stated unless given",
+        "device_gradient": "how far the farthest place of the device is off the thermometer that "
+        "counts, the half-width of a rectangular distribution; not stated unless given",
         "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
         "temperature that results hold at; not stated unless given",
         "probe_angle": "standard uncertainty of the angle between the gaussmeter's probe and the "
@@ -692,6 +694,8 @@ CONDITIONS = {
         "turns have one sense",
         "initial_order": "order of the published polynomial",
         "reference_temperature": "where the scale-factor error is stated",
+        "device_gradient": "how far the farthest place of the device is off the thermometer that "
+        "counts, the half-width of a rectangular distribution; not stated unless given",
         "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
         "temperature that results hold at; not stated unless given",
         "latitude": "of the drive, north positive; required with a drive",
@@ -763,6 +767,8 @@ CONDITIONS = {
         "input_axis.NAME.elevation": "above the horizon",
         "attitude_uncertainty": "standard uncertainty of both angles; 0 unless given",
         "reference_temperature": "temperature of the gyro at which the bias is reported",
+        "device_gradient": "how far the farthest place of the device is off the thermometer that "
+        "counts, the half-width of a rectangular distribution; not stated unless given",
         "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
         "temperature that results hold at; not stated unless given",
         "sensor_lag_prior": "standard uncertainty, known beforehand, of how far the gyro's "
@@ -771,6 +777,8 @@ CONDITIONS = {
     "accelerometer-tumble": {
         "local_gravity": "gravity where the stage stands",
         "local_gravity_uncertainty": "its standard uncertainty; not stated unless given",
+        "device_gradient": "how far the farthest place of the device is off the thermometer that "
+        "counts, the half-width of a rectangular distribution; not stated unless given",
         "thermometer_uncertainty": "standard uncertainty of the thermometer's offset: of the "
         "temperature that results hold at; not stated unless given",
         "encoder_accuracy": "standard uncertainty of each of the encoder's first two harmonics",

@@ -19,6 +19,7 @@ from procedures.common.places import (
     at_points,
     gradient_inputs,
     place_flags,
+    stated_gradient,
     tells_spread,
     with_gradient,
 )
@@ -255,6 +256,7 @@ def stated_inputs(conditions: Conditions) -> Iterator[InputQuantity]:
     source, gravity_g = "the dataset's conditions", conditions.local_gravity_g
     yield _input(GRAVITY, conditions.local_gravity_uncertainty_g, source, gravity_g)
     yield _input(WARMTH, conditions.thermometer_uncertainty_degC, source)
+    yield from stated_gradient(conditions.device_gradient_degC)
     yield from _probe_inputs(conditions.probe_angle_rad, source, conditions.ambient_field_T)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from procedures.common.conditions import OverDevice
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel, Unit
+from station.fields import Unit
 from station.files.faults import FaultList
 
 from .dataset import AccelerometerDataset
@@ -33,7 +34,7 @@ LARGEST_OFFSET_DEG = 1.0
 Array = NDArray[np.float64]
 
 
-class Conditions(StrictModel):
+class Conditions(OverDevice):
     """The conditions of an accelerometer dataset."""
 
     # On the ground it is 0.9957 g to 1.0028 g.

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from procedures.common.conditions import OverDevice
 from procedures.common.constants import ARCSEC_PER_RAD
 from procedures.common.places import AtPlaces
 from station.dataset_reading import Table, refuse
-from station.fields import StrictModel, Unit
+from station.fields import Unit
 from station.files.faults import Fault
 from station.findings import FlagThresholds
 
@@ -101,7 +102,7 @@ class AnalysisSettings(FlagThresholds):
     max_drift_order: int = 3
 
 
-class Conditions(StrictModel):
+class Conditions(OverDevice):
     """The conditions of a tumble test."""
 
     # On the ground it is 0.9957 g to 1.0028 g.

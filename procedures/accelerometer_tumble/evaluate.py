@@ -15,6 +15,7 @@ from procedures.common.places import (
     at_points,
     gradient_inputs,
     place_flags,
+    stated_gradient,
     tells_spread,
     with_gradient,
 )
@@ -51,7 +52,8 @@ GRADUATION = ("graduation", FULL_TURN_DEG, "arcsec")
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says."""
     dataset, conditions = dataset_of_import(raw)
-    return _findings(dataset, AnalysisSettings(), list(inputs_of(conditions)))
+    gradient = stated_gradient(conditions.device_gradient_degC)
+    return _findings(dataset, AnalysisSettings(), [*inputs_of(conditions), *gradient])
 
 
 def findings_of_run(folder: RunFolder, parameters: TumbleParameters, bench: Bench) -> Findings:

@@ -9,6 +9,12 @@ from pydantic import Field, ValidationInfo, field_validator
 from station.fields import InputAxis, StrictModel, Unit
 
 
+class OverDevice(StrictModel):
+    """By how much, at most, the device is elsewhere off the temperature that counts."""
+
+    device_gradient_degC: Annotated[float, Unit("degC", True), Field(ge=0)] | None = None
+
+
 class OnEarth(StrictModel):
     """Where on earth: its rate is taken off."""
 

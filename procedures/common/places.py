@@ -200,10 +200,20 @@ def gradient_inputs(readings: Iterable[AtPlaces], asked: bool) -> Iterator[Input
     """
     reading = widest(readings)
     if reading is not None and reading.spread_degC is not None:
-        u_degC = reading.spread_degC / math.sqrt(3.0)
-        yield InputQuantity(GRADIENT, ABOUT, u_degC, "degC", SOURCE, distribution="uniform")
+        yield _uniform(reading.spread_degC, SOURCE)
     elif asked:
         yield InputQuantity.if_stated(GRADIENT, ABOUT, None, "degC", SOURCE)
+
+
+def stated_gradient(half_width_degC: float | None) -> Iterator[InputQuantity]:
+    """Yield the spread over the device that the conditions of a dataset state, where they do."""
+    if half_width_degC:
+        yield _uniform(half_width_degC, "the dataset's conditions")
+
+
+def _uniform(half_width_degC: float, source: str) -> InputQuantity:
+    u_degC = half_width_degC / math.sqrt(3.0)
+    return InputQuantity(GRADIENT, ABOUT, u_degC, "degC", source, distribution="uniform")
 
 
 def place_flags(readings: Sequence[AtPlaces]) -> Iterator[Flag]:

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from procedures.common.constants import ARCMIN_PER_RAD, EARTH_RATE_DEG_PER_H
-from procedures.common.places import gradient_inputs, place_flags, tells_spread, with_gradient
+from procedures.common.places import (
+    gradient_inputs,
+    place_flags,
+    stated_gradient,
+    tells_spread,
+    with_gradient,
+)
 from station.files.faults import FaultList
 from station.findings import (
     Analysis,
@@ -98,7 +104,10 @@ def findings_of_dataset(raw: RawDataset) -> Findings:
     )
     latitude = latitude_input(conditions.latitude_uncertainty_arcmin)
     trials = trials_of(analysis, dataset, partial(_tried, settings=AnalysisSettings()))
-    return replace(findings, inputs=[*findings.inputs, warmth, latitude, *more], trials=trials)
+    gradient = stated_gradient(conditions.device_gradient_degC)
+    inputs = [*findings.inputs, warmth, latitude, *gradient, *more]
+    estimates = with_gradient(findings.estimates, inputs, WARMTH)
+    return replace(findings, estimates=estimates, inputs=inputs, trials=trials)
 
 
 def _tried(dataset: FogDataset, settings: AnalysisSettings) -> Analysis:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
+from procedures.common.conditions import OverDevice
 from station.dataset_reading import Table, check_ascending, read_table, refuse
 from station.fields import Celsius, Degree, Second, Unit
 from station.files.faults import Fault, FaultList
@@ -38,7 +39,7 @@ FEWEST_FIXES, MAX_LATITUDE_DEG = 4, 89.0
 DRIVES, SUFFIX = "drives", ".csv"
 
 
-class Conditions(Departure):
+class Conditions(OverDevice, Departure):
     """The conditions of a dataset of turns over temperature."""
 
     attitude_output: Literal["heading", "heading-pitch-roll"]

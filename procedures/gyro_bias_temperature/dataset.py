@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from procedures.common.conditions import OfGyros
+from procedures.common.conditions import OfGyros, OverDevice
 from procedures.common.gyro_source import GYRO
 from procedures.common.places import AtPlaces, at_places, corrected_by, recorded_rows
 from procedures.estimation.alignment import align, unwrapped
@@ -106,7 +106,7 @@ COLUMNS = ("t_s", "phase", "set_point_degC", "chamber_temperature_degC")
 FEWEST_ROWS = 60
 
 
-class Conditions(OfGyros):
+class Conditions(OverDevice, OfGyros):
     """The conditions of a record over temperature; what decides a sign has no default."""
 
     sample_interval_s: Annotated[float, Unit("s"), Field(gt=0)]

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 from numpy.polynomial import Chebyshev
 
 from procedures.common.gyro_source import GYRO
-from procedures.common.places import gradient_inputs, place_flags, tells_spread, with_gradient
+from procedures.common.places import (
+    gradient_inputs,
+    place_flags,
+    stated_gradient,
+    tells_spread,
+    with_gradient,
+)
 from procedures.estimation.direction import attitude_inputs, with_latitude
 from station.findings import Estimate, Findings, InputQuantity, findings_of
 
@@ -37,7 +43,8 @@ SETTINGS = AnalysisSettings()
 def findings_of_dataset(raw: RawDataset) -> Findings:
     """Return what an imported dataset says."""
     dataset, conditions = dataset_of_import(raw)
-    return _findings(dataset, conditions, "the dataset's conditions")
+    more = [*stated_gradient(conditions.device_gradient_degC)]
+    return _findings(dataset, conditions, "the dataset's conditions", more=more)
 
 
 def findings_of_run(

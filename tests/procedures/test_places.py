@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from fog_runs import short_run
+from places import DATA
 from plan_runs import run_of, shipped_bench, shipped_plan
 
 from procedures.common.places import (
@@ -27,6 +28,7 @@ from procedures.common.places import (
 )
 from procedures.estimation.channel import still
 from procedures.gyro_bias_temperature import dataset as of_gyro
+from station.dataset_reading import read_dataset
 from station.findings import Estimate
 from station.instruments.bench import read_bench
 from station.method.dry_run import DryRun
@@ -36,7 +38,7 @@ from station.registry import DRIVERS, names
 from station.report.certificate import certificate_of_run
 from station.results import Result, ResultDocument
 from station.runner.calibration_flags import record_flags
-from station.runner.evaluation import evaluate_run
+from station.runner.evaluation import evaluate_dataset, evaluate_run
 from station.runner.outcome import Outcome
 from station.runner.run import ActingRun
 from station.texts import Texts
@@ -355,6 +357,54 @@ def test_what_stands_still_is_told_over_the_whole_run() -> None:
     rows["temperature_degC"][40:80] = rows["temperature_degC"][40]
     fine = judged({"ramp 1": rows[60:], "soak 1": rows[:60]}, still)
     assert [int(own.still["device"].sum()) for own in fine.values()] == [20, 20]
+
+
+def warmed(table: Path) -> None:
+    """Have the temperature of a table's rows go up and down, and the output follow it."""
+    head, *rows = table.read_text(encoding="utf-8").splitlines()
+    names = head.split(",")
+    warm, output = names.index("temperature_degC"), names.index("output_V")
+    for number, row in enumerate(rows):
+        cells, warmer_K = row.split(","), math.sin(0.37 * number)
+        cells[warm] = f"{21.0 + warmer_K:.4f}"
+        cells[output] = f"{float(cells[output]) + 1e-3 * warmer_K:.9f}"
+        rows[number] = ",".join(cells)
+    table.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "example, name, axis",
+    [
+        ("gyro-bias-temperature", "bias", "IA"),
+        ("fog-pairs", "scale_factor_error", "z"),
+        ("accelerometer-three-planes", "K0", None),
+        ("accelerometer-tumble", "K0", None),
+    ],
+)
+def test_the_spread_may_be_stated_of_an_import(
+    example: str, name: str, axis: str | None, tmp_path: Path
+) -> None:
+    folder = tmp_path / "import"
+    shutil.copytree(DATA / example, folder)
+    if axis is None:
+        (table,) = folder.glob("*.csv")
+        warmed(table)
+
+    def result() -> Result:
+        return evaluate_dataset(read_dataset(folder))[0].result(name, axis)
+
+    before, file = result(), folder / "dataset.yaml"
+    text = file.read_text(encoding="utf-8")
+    stated = text.replace("\nconditions:\n", "\nconditions:\n  device_gradient: 3 K\n")
+    file.write_text(stated, encoding="utf-8")
+    after = result()
+    assert after.estimate.value == before.estimate.value
+    line = line_of(after)
+    assert line["standard_uncertainty"] == pytest.approx(3.0 / math.sqrt(3.0))
+    assert (line["distribution"], line["source"]) == ("uniform", "the dataset's conditions")
+    u, grown = (own.to_data()["standard_uncertainty"] for own in (before, after))
+    assert grown == pytest.approx(math.hypot(u, line["contribution"]))
+    assert grown > u
 
 
 def without_file(folder: Path, into: Path) -> RunFolder:
