@@ -106,7 +106,7 @@ class Unit:
         return {
             "type": ["string", "number"] if self.symbol == "1" else "string",
             "pattern": quantity_pattern(units),
-            "description": expectation(self.symbol),
+            "description": expectation(self.symbol, difference=self.difference),
         }
 
 

@@ -176,9 +176,14 @@ def dimension_of(unit: str) -> str:
         raise UnitError(f"unit '{unit}' is not known", _likely_unit(unit)) from None
 
 
-def expectation(unit: str) -> str:
-    """Say in words what a value in this unit is, with an example: `a time such as '30 s'`."""
+def expectation(unit: str, *, difference: bool = False) -> str:
+    """Say in words what a value in this unit is, with an example: `a time such as '30 s'`.
+
+    `difference` says so of a temperature that is one; what else is measured knows no other zero.
+    """
     noun, example, _ = _DIMENSIONS[dimension_of(unit)]
+    if difference and dimension_of(unit) == "temperature":
+        noun, example = "a temperature difference", "0.5 degC"
     return f"{noun} such as '{example}'"
 
 
@@ -239,29 +244,30 @@ def parse_as(text: object, unit: str, *, difference: bool = False) -> float:
     A number alone is accepted only where `unit` is `1`.
     Raise UnitError that says what was expected.
     """
+    wanted = expectation(unit, difference=difference)
     if isinstance(text, (int, float)) and not isinstance(text, bool):
         if abs(text) >= LARGEST:
-            raise UnitError(f"{text:.3g} is {BEYOND}, expected {expectation(unit)}")
+            raise UnitError(f"{text:.3g} is {BEYOND}, expected {wanted}")
         if dimension_of(unit) == "ratio" and unit == "1" and math.isfinite(text):
             return float(text)
         hint = f"'{format_quantity(text, unit)}'" if math.isfinite(text) else None
-        raise UnitError(f"{text} has no unit, expected {expectation(unit)}", hint)
+        raise UnitError(f"{text} has no unit, expected {wanted}", hint)
     if not isinstance(text, str):
-        raise UnitError(f"expected {expectation(unit)}, not {_kind(text)}")
+        raise UnitError(f"expected {wanted}, not {_kind(text)}")
     try:
         quantity = parse_quantity(text)
     except UnitError as error:
         if text.strip() and _NUMBER.fullmatch(text.strip()) and error.hint is None:
             hint = f"'{text.strip()} {unit}'"
-            raise UnitError(f"{error.what}, expected {expectation(unit)}", hint) from None
+            raise UnitError(f"{error.what}, expected {wanted}", hint) from None
         hint = error.hint if _fits(error.hint, unit) else None
-        raise UnitError(f"{error.what}, expected {expectation(unit)}", hint) from None
+        raise UnitError(f"{error.what}, expected {wanted}", hint) from None
     if dimension_of(quantity.unit) != dimension_of(unit):
-        noun, wanted = _DIMENSIONS[dimension_of(quantity.unit)][0], expectation(unit)
+        noun = _DIMENSIONS[dimension_of(quantity.unit)][0]
         raise UnitError(f"'{text}' is {noun}, expected {wanted}")
     value = quantity.to(unit, difference=difference)
     if abs(value) >= LARGEST or 0.0 < abs(value) <= SMALLEST:
-        raise UnitError(f"'{text}' is {BEYOND}, expected {expectation(unit)}")
+        raise UnitError(f"'{text}' is {BEYOND}, expected {wanted}")
     return value
 
 

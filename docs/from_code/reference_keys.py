@@ -191,8 +191,11 @@ def written(annotation: Any, metadata: tuple[Any, ...]) -> str:
     )
     units = [one for one in flat if isinstance(one, Unit)]
     if units:
-        symbol = units[0].symbol
-        return f"{expectation(symbol)}{limits}" + (f" {symbol}" if limits and symbol != "1" else "")
+        symbol, expected = (
+            units[0].symbol,
+            expectation(units[0].symbol, difference=units[0].difference),
+        )
+        return f"{expected}{limits}" + (f" {symbol}" if limits and symbol != "1" else "")
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is typing.Annotated:
         return written(inner[0], (*inner[1:], *metadata))

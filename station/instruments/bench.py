@@ -385,8 +385,8 @@ def _limit_faults(document: Document) -> Iterator[Fault]:
     for name, entry in document.data["instruments"].items():
         given, declared = mapping(mapping(entry).get("limits")), role(role_of(name))
         known = declared.limits if declared else limits()
-        for key in given:
-            if key in limits() and key not in known:
+        for key, value in given.items():
+            if value is not None and key in limits() and key not in known:
                 fault = not_there(f"is no limit of a {role_of(name)}", key, known, "it has")
                 yield document.fault(("instruments", name, "limits", key), *fault, at_key=True)
 

@@ -17,7 +17,7 @@ from station.files.lookup import BENCHES, find
 from station.files.validation import validate_model
 from station.files.yaml.document import yaml_text
 from station.files.yaml.reading import FaultList, read_yaml_text
-from station.instruments.bench import Bench, bench_of, faults_of_use
+from station.instruments.bench import Bench, bench_of, faults_of_use, read_bench
 from station.instruments.calibration import Calibration, NotCalibrated
 
 DRIVERS = ("bop", "f71", "pulse-board")
@@ -88,6 +88,15 @@ def test_a_simulated_world_is_handed_on_untouched() -> None:
     bench = bench_from(GOOD + world)
     assert bench.simulation == {"seed": 7, "gyro": {"sensitivity": ["0.05 deg/h/mT"], "on": "NO"}}
     assert bench.data["simulation"] == bench.simulation
+
+
+@pytest.mark.parametrize("name", ["sim", "sim-alternate"])
+def test_a_resolved_bench_can_be_used(name: str, tmp_path: Path) -> None:
+    """A guardian and a resumed run open instruments by it."""
+    drivers = registry.names(registry.DRIVERS)
+    shipped, again = read_bench(find(BENCHES, name), drivers), tmp_path / "bench.resolved.yaml"
+    again.write_text(yaml_text(shipped.to_yaml_data()), encoding="utf-8")
+    assert read_bench(again, drivers).file == shipped.file
 
 
 def test_the_resolved_bench_reads_back_the_same() -> None:
