@@ -119,7 +119,9 @@ def forms_of(address: str, *, resolve: bool = True) -> frozenset[str]:
         return tcp_forms(match[1], int(match[2]), resolve)
     if match := VXI.fullmatch(lowered):
         device = match[2] or "inst0"
-        return frozenset(f"{device.split(',')[0]} at {host}" for host in hosts(match[1], resolve))
+        # A number after the comma is a port, but of a gateway to GPIB the address of an instrument.
+        device = device if device.startswith("gpib") else device.split(",")[0]
+        return frozenset(f"{device} at {host}" for host in hosts(match[1], resolve))
     if match := GPIB.fullmatch(lowered):
         return frozenset({f"gpib{number_form(match[1] or '0')}::{match[2]}"})
     if match := USB.fullmatch(lowered):
@@ -133,10 +135,10 @@ def forms_of(address: str, *, resolve: bool = True) -> frozenset[str]:
 
 def url_forms(address: str, resolve: bool) -> frozenset[str]:
     """Return what `scheme://host:port/path` stands for."""
-    parts = urlsplit(address)
-    if parts.scheme.lower() == "can":
+    if address.lower().startswith("can:"):
         return frozenset({address.partition("?")[0].lower()})
-    with suppress(ValueError):  # a port that is no number: the driver says so
+    with suppress(ValueError):  # a port that is no number: the driver says so; brackets of no host
+        parts = urlsplit(address)
         port = parts.port or DEFAULT_PORTS.get(parts.scheme.lower())
         if parts.hostname and port:
             path = parts.path.rstrip("/").lower() if parts.scheme.lower() == "socketcand" else ""

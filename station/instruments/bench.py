@@ -381,7 +381,10 @@ def _instrument_faults(
 
 
 def _limit_faults(document: Document) -> Iterator[Fault]:
-    """Yield a fault for each limit that instruments of another role have: nothing would hold it."""
+    """Yield a fault for each limit that instruments of another role have: nothing would hold it.
+
+    A bench that is written out has every limit, those that are not given as null.
+    """
     for name, entry in document.data["instruments"].items():
         given, declared = mapping(mapping(entry).get("limits")), role(role_of(name))
         known = declared.limits if declared else limits()

@@ -104,6 +104,13 @@ def test_the_resolved_bench_reads_back_the_same() -> None:
     assert bench_from(yaml_text(bench.to_yaml_data())).file == bench.file
 
 
+@pytest.mark.parametrize("name", ["sim", "sim-alternate"])
+def test_a_bench_that_is_written_out_may_be_used_as_it_is(name: str) -> None:
+    bench = read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
+    written = yaml_text(bench.to_yaml_data())
+    assert not [*faults_of_use(read_yaml_text(written, Path("bench.resolved.yaml")))]
+
+
 def test_every_fault_of_a_bench_is_reported_at_once() -> None:
     faults = faults_of(
         "bench: 1\n"
@@ -282,6 +289,8 @@ def test_one_line_for_two_instruments_is_refused_in_any_spelling(
         ("GPIB0::22", "GPIB1::22"),
         ("TCPIP::192.0.2.7::5025::SOCKET", "TCPIP::192.0.2.7::5024::SOCKET"),
         ("TCPIP::127.0.0.1::5025::SOCKET", "TCPIP::127.0.0.2::5025::SOCKET"),
+        ("TCPIP::192.0.2.7::gpib0,22::INSTR", "TCPIP::192.0.2.7::gpib0,23::INSTR"),
+        ("hwgrep://SER=MY[1]", "hwgrep://SER=MY[2]"),
         ("socketcand://192.0.2.7/can0", "socketcand://192.0.2.7:29536/can0"),
     ],
 )

@@ -102,9 +102,10 @@ HOSTS = st.ip_addresses(v=4, network="198.51.100.0/24") | st.ip_addresses(
 )
 OWN = st.ip_addresses(v=4, network="127.0.0.0/8") | st.just(IPv6Address("::1"))
 PORTS = st.integers(1, 65535)
+DEVICES = st.sampled_from(["inst0", "inst1", "hislip0", "gpib0,22", "gpib0,23", "gpib1,22"])
 INSTRUMENTS = st.one_of(
     st.tuples(st.just("port"), HOSTS | OWN, PORTS),
-    st.tuples(st.just("device"), HOSTS | OWN, st.sampled_from(["inst0", "inst1", "hislip0"])),
+    st.tuples(st.just("device"), HOSTS | OWN, DEVICES),
     st.tuples(st.just("can"), HOSTS | OWN, PORTS, st.sampled_from(["can0", "can1"])),
     st.tuples(st.just("gpib"), st.integers(0, 3), st.integers(0, 30)),
     st.tuples(st.just("usb"), PORTS, PORTS, st.sampled_from(["my5", "my6"]), st.integers(0, 2)),
@@ -142,7 +143,8 @@ def spellings(draw: st.DrawFn, instrument: tuple[Any, ...]) -> str:
             address = draw(st.sampled_from([*urls, f"TCPIP::{host}::{port}::SOCKET"]))
         case "device":
             host, device = draw(st.sampled_from(spelled(parts[0]))), parts[1]
-            ways = [f"::{device}", f"::{device},4880", *([""] if device == "inst0" else [])]
+            ways = [f"::{device}", *([""] if device == "inst0" else [])]
+            ways += [f"::{device},4880"] if "," not in device else []
             address = f"TCPIP{optional(0)}::{host}{draw(st.sampled_from(ways))}::INSTR"
         case "can":
             host, port, channel = draw(st.sampled_from(spelled(parts[0]))), *parts[1:]
