@@ -363,7 +363,7 @@ def test_shares_of_what_leads_nowhere_are_refused_as_a_run_refuses_them(
 
 
 def test_what_a_plan_needs_has_an_address_on_a_real_bench(tmp_path: Path) -> None:
-    """What it does not need may wait for one."""
+    """The chain is watched in each run; what a plan does not need may wait for one."""
     text = find(BENCHES, "sim").read_text(encoding="utf-8")
     real = text[: text.index("\nsimulation:")]
     (tmp_path / "bench.yaml").write_text(f"{real}\n", encoding="utf-8")
@@ -372,7 +372,7 @@ def test_what_a_plan_needs_has_an_address_on_a_real_bench(tmp_path: Path) -> Non
     assert done.returncode == 2
     lines = done.stderr.splitlines()
     named = [line.split(" no address of ")[1].split(",")[0] for line in lines]
-    assert named == ["coil_supply.x", "gaussmeter", "gyro_acquisition"]
+    assert named == ["coil_supply.x", "gaussmeter", "gyro_acquisition", "interlock_chain"]
     assert lines[0] == (
         "plan.yaml:2:12: procedure: the bench 'sim' gives no address of coil_supply.x, which this "
         "plan needs; write instruments.coil_supply.x.address"
