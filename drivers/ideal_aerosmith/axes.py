@@ -117,9 +117,12 @@ class AtlTable(AxesTable):
         super().__init__(place, settings, limit)
         self._line, self._met = line, met
         self._reading_deg = dict.fromkeys(self.axes, math.nan)
+        self._asked_s = dict.fromkeys(self.axes, -math.inf)
+        """When the last angle was asked for: it is no older, whenever its answer was taken up."""
         self._stood_since_s = dict.fromkeys(self.axes, math.inf)
-        self._rate_from: dict[int, tuple[float, float, float]] = {}
-        """Since when an axis has its rate: time in s, angle in deg, and the rate in deg/s."""
+        self._rate_from: dict[int, tuple[float, float, float, float]] = {}
+        """Since when an axis has its rate: the times in s before and after the look, angle in deg,
+        and the rate in deg/s."""
         self.tells_motor = True
         self.held: set[int] = set()
         """The axes whose motor was switched on here: one that is off now was switched off."""
@@ -130,9 +133,10 @@ class AtlTable(AxesTable):
         """Read angle and rate of every axis, one after the other, and count its turns."""
         with self._looking:
             for n, state in self.axes.items():
+                asked_s = self._place.clock.now()
                 reading_deg = self._line.value(n, POSITION)
                 state.count.take(reading_deg, self._place.clock.now())
-                self._reading_deg[n] = reading_deg
+                self._reading_deg[n], self._asked_s[n] = reading_deg, asked_s
                 self._read_rate(state)
         self._say_angle()
         self._say_rate()
@@ -273,8 +277,8 @@ class AtlTable(AxesTable):
         agrees = ramped and self.agrees(state)
         settled = self._has_settled(n, agrees)
         if agrees and n not in self._rate_from:
-            self._rate_from[n] = now_s, state.count.angle_deg, state.rate
-        if settled and not state.at_rate:
+            self._rate_from[n] = self._asked_s[n], now_s, state.count.angle_deg, state.rate
+        if settled and not state.at_rate and self._passed_s(n) >= SETTLES_S / 2:
             self._need_rate_of_encoder(state, now_s)
             state.at_rate = True
         return state.at_rate
@@ -375,20 +379,31 @@ class AtlTable(AxesTable):
         Movements are limited in the table's own unit: in the wrong one they take for ever. Between
         two equal rates of a movement it is never slower, and may well be faster.
         """
-        n, now_s = state.number, self._place.clock.now()
-        began_s, began_deg, began_rate = self._rate_from.get(n, (math.inf, 0.0, 0.0))
-        if abs(state.rate - began_rate) > STEADY * abs(state.rate) or now_s < began_s:
-            self._rate_from[n] = now_s, state.count.angle_deg, state.rate
-        elif now_s - began_s >= SETTLES_S and abs(state.rate) > HIGH * self._limit("rate"):
-            by_encoder = (state.count.angle_deg - began_deg) / (now_s - began_s)
+        n, now_s, passed_s = state.number, self._place.clock.now(), self._passed_s(state.number)
+        *_, began_deg, began_rate = self._rate_from.get(n, (0.0, math.inf))
+        if abs(state.rate - began_rate) > STEADY * abs(state.rate):
+            self._rate_from[n] = self._asked_s[n], now_s, state.count.angle_deg, state.rate
+        elif passed_s >= SETTLES_S and abs(state.rate) > HIGH * self._limit("rate"):
+            by_encoder = (state.count.angle_deg - began_deg) / passed_s
             if by_encoder / state.rate < 1 - ENCODER_AGREES:
                 attempted = f"go to {state.target_deg:g} deg on axis {n}"
                 raise self._another_unit(state, attempted, by_encoder)
 
+    def _passed_s(self, n: int) -> float:
+        """Return the time that surely passed between the angles of an axis since it has its rate.
+
+        An answer that the computer takes up late is no fault of the table.
+        """
+        return self._asked_s[n] - self._rate_from.get(n, (0.0, math.inf))[1]
+
     def _need_rate_of_encoder(self, state: AxisState, now_s: float) -> None:
         """Raise InstrumentError where the encoder goes otherwise than its rate says."""
-        began_s, began_deg, _ = self._rate_from[state.number]
-        by_encoder = (state.count.angle_deg - began_deg) / (now_s - began_s)
+        asked_s, _, began_deg, _ = self._rate_from[state.number]
+        way_deg = state.count.angle_deg - began_deg
+        slowest, fastest = sorted(
+            (way_deg / (now_s - asked_s), way_deg / self._passed_s(state.number))
+        )
+        by_encoder = max(slowest, min(state.rate, fastest))
         allowed = self.settings.at_rest_deg_per_s + ENCODER_AGREES * abs(state.rate)
         if state.count.lost or abs(by_encoder - state.rate) > allowed:
             attempted = f"turn axis {state.number} at {state.rate_demand:g} deg/s"

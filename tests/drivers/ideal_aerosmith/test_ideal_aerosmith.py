@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Any
 
@@ -285,6 +286,28 @@ def test_equal_rates_before_and_after_the_top_of_a_movement_are_no_other_unit() 
             assert table.rate_deg_per_s(1) == pytest.approx(79.0, abs=2.0)
         bench.wait(table)
         assert table.angle_deg(1) == pytest.approx(300.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_angles_that_are_taken_up_late_are_no_other_unit(turns: bool) -> None:
+    """As on a computer that has other work to do for a moment."""
+    with aerosmith_bench() as bench:
+        table = bench.homed(limits={**LIMITS, "rate": 20.0})
+        asks, late_s = table._line.value, itertools.cycle([0.0, 0.0, 0.3])
+
+        def takes_up_late(n: int, question: str) -> float:
+            answer: float = asks(n, question)
+            bench.clock.sleep(next(late_s) if question == "PPO" else 0.0)
+            return answer
+
+        table._line.value = takes_up_late
+        if turns:
+            table.turn(1, 20.0)
+            bench.wait_for_rate(table)
+        else:
+            table.move_to(1, 300.0)
+            bench.wait(table)
+            assert table.angle_deg(1) == pytest.approx(300.0, abs=1e-3)
 
 
 def test_an_encoder_that_disagrees_with_the_rate_is_no_rate() -> None:
