@@ -92,7 +92,8 @@ def screen(dataset: AccelerometerDataset) -> Screened:
     wild_degC = still = np.zeros(len(dataset), dtype=bool)
     if dataset.temperature_degC is not None:
         mounted = np.append(False, dataset.plane[1:] != dataset.plane[:-1])
-        warm = channel.screen(THERMOMETER, dataset.temperature_degC, free=mounted)
+        paused = channel.after_a_pause(dataset.time_s)
+        warm = channel.screen(THERMOMETER, dataset.temperature_degC, free=mounted, paused=paused)
         still = warm.still | repeated_temperature(dataset.temperature_degC)
         wild_degC = warm.wild | warm.missing
         if still.any():

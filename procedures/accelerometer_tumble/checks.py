@@ -77,7 +77,8 @@ def screened(dataset: TumbleDataset) -> tuple[TumbleDataset, list[Flag]]:
     used = dataset
     if dataset.temperature_degC is not None:
         handled = np.append(False, np.diff(dataset.mounting) != 0)
-        warm = channel.screen(THERMOMETER, dataset.temperature_degC, free=handled)
+        paused = channel.after_a_pause(dataset.time_s)
+        warm = channel.screen(THERMOMETER, dataset.temperature_degC, free=handled, paused=paused)
         flags += channel.flags([warm])
         used = dataset if warm.good.all() else replace(dataset, temperature_degC=None)
     if rows := np.flatnonzero(limited).tolist():

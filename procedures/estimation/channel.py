@@ -64,6 +64,10 @@ LARGE_PART = 0.3
 """Of a record: a run of equal readings that hides the noise of the others."""
 COPIED = 0.5
 """Of two channels: more readings are alike, and more differ from the one before, in a copy."""
+COARSE = 0.05
+"""Of the readings beside those that stand still: more repeat in a coarse thermometer."""
+PAUSE = 10.0
+"""Times the usual between two readings: nobody measured in between."""
 ROUNDS = 4
 
 
@@ -194,11 +198,16 @@ def flags(records: Sequence[Screened], axis: str | None = None, noun: str = "row
 
 
 def screen(
-    channel: Channel, values: Array, beyond: float = BEYOND, free: Mask | None = None
+    channel: Channel,
+    values: Array,
+    beyond: float = BEYOND,
+    free: Mask | None = None,
+    paused: Mask | None = None,
 ) -> Screened:
     """Return which readings (n,) of a channel are none, and how it reads.
 
-    `beyond` is in robust standard deviations; a slow channel may jump in the rows that are `free`.
+    `beyond` is in robust standard deviations; a slow channel may jump in the rows that are `free`,
+    and begins anew in those before which its record `paused`.
     """
     missing = ~np.isfinite(values)
     nothing = np.zeros(len(values), dtype=bool)
@@ -209,9 +218,10 @@ def screen(
     kept = values[sound]
     if channel.slow:
         step, noise = _slow_scale(kept, channel.quantum)
-        may = nothing if free is None else free
+        anew = nothing if paused is None else paused
+        may = anew if free is None else anew | free
         slack = beyond * math.sqrt(2.0) * noise + MAX_STEPS * step, channel.harmless
-        *parts, jump = _slow(kept, np.flatnonzero(sound), step, noise, max(slack), may)
+        *parts, jump = _slow(kept, np.flatnonzero(sound), step, noise, max(slack), may, anew)
     else:
         step = max(channel.quantum, smallest_step(kept))
         *parts, jump = _noisy(kept, step, beyond)
@@ -227,9 +237,25 @@ def screen(
 
 
 def still(temperature_degC: Array) -> Mask:
-    """Return which readings (n,) of a thermometer stand still, NaN aside."""
+    """Return which readings (n,) of a thermometer stand still, NaN aside.
+
+    None of one that repeats elsewhere, too: it is coarse, and repeats where the temperature rests.
+    """
     thermometer = Channel("the thermometer", "the thermometer", "degC", slow=True)
-    return screen(thermometer, temperature_degC).still
+    stood = screen(thermometer, temperature_degC).still
+    moving = ~stood[1:] & ~stood[:-1]
+    repeats = (np.diff(temperature_degC) == 0.0)[moving]
+    return stood & (np.mean(repeats) <= COARSE if len(repeats) else True)
+
+
+def after_a_pause(time_s: Array) -> Mask:
+    """Return before which readings (n,) far more time passed than between others: all may change.
+
+    A run that was interrupted goes on when somebody has resumed it.
+    """
+    passed_s = np.diff(time_s)
+    long_s = PAUSE * float(np.median(passed_s)) if len(passed_s) else math.inf
+    return np.append(False, passed_s > long_s)[: len(time_s)]
 
 
 def copied(values: Array, other: Array) -> bool:
@@ -295,12 +321,12 @@ def _noisy(values: Array, step: float, beyond: float) -> tuple[Mask, Mask, Mask,
 
 
 def _slow(
-    values: Array, place: Index, step: float, noise: float, slack: float, free: Mask
+    values: Array, place: Index, step: float, noise: float, slack: float, free: Mask, paused: Mask
 ) -> tuple[Mask, Mask, Mask, Mask, Jump | None]:
     """Return what is frozen, copied, saturated and wild of a channel that goes on, and a step.
 
     `place` (n,) are the rows of the values, `free` those of the whole record in which a change by
-    more than `slack` is no jump.
+    more than `slack` is no jump, `paused` those in which it begins anew.
     """
     longest = IN_A_ROW
     if step > 0.0:
@@ -313,7 +339,9 @@ def _slow(
     if noise > 0.5 * step:
         copied = _copied(values, step, ~still)
     jump = None
-    wild = _far(values, slack) & ~still & ~copied
+    begins = np.searchsorted(place, np.flatnonzero(paused))
+    far = np.concatenate([_far(part, slack) for part in np.split(values, begins)])
+    wild = far & ~still & ~copied
     for _ in range(ROUNDS):
         rows = np.flatnonzero(~(still | copied | wild))
         excess = _excess(values[rows], place[rows])

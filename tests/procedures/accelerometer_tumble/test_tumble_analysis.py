@@ -7,6 +7,7 @@ import pytest
 from tumble_records import FOUR, QUARTZ, Stage, changed, made
 
 from procedures.accelerometer_tumble.analysis import TumbleAnalysis, analyse
+from procedures.accelerometer_tumble.checks import screened
 
 WARMTH = "thermometer_degC"
 HEAD = tuple((plane, turned, 90.0) for plane, turned, _ in FOUR)
@@ -96,6 +97,19 @@ def test_the_bias_depends_on_the_thermometer_as_the_ratio_that_it_is() -> None:
     assert bias.extra["conditions"] == k0.extra["conditions"]
     same = analyse(made(np.random.default_rng(8), Stage()))
     assert WARMTH not in same.estimate("bias").sensitivities
+
+
+def test_a_temperature_that_is_another_one_after_a_pause_makes_no_reading_wild() -> None:
+    """A run that was stopped after 20 positions goes on an hour later, the stage cold again."""
+    rng = np.random.default_rng(3)
+    dataset = made(rng, Stage(positions=12))
+    row = np.arange(len(dataset.time_s))
+    later = row >= 20
+    warm = 23.4 + 0.04 * row - 1.3 * later + 0.001 * rng.standard_normal(len(row))
+    without = changed(dataset, temperature_degC=warm)
+    assert screened(without)[0].temperature_degC is None, "without a pause nothing cools so fast"
+    used, flags = screened(changed(without, time_s=dataset.time_s + 3600.0 * later))
+    assert used.temperature_degC is not None and not flags
 
 
 def test_a_temperature_term_too_small_to_choose_is_in_the_uncertainty() -> None:

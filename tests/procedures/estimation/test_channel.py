@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from bias_records import Gyro, record
 from numpy.typing import NDArray
 from static_records import DEVICES, counted, noise
 
-from procedures.estimation.channel import Channel, Screened, flags, screen
+from procedures.estimation.channel import Channel, Screened, flags, screen, still
 
 Array = NDArray[np.float64]
 
@@ -133,3 +134,24 @@ def test_no_mean_is_known_better_than_the_steps_of_its_channel_allow() -> None:
     noisy = screen(OUTPUT, np.round(9.6 + 0.3 * noise, 1))
     assert not noisy.coarse
     assert noisy.u_of_step(500) == pytest.approx(0.1 / np.sqrt(12.0 * 500.0))
+
+
+@pytest.mark.parametrize(("step_degC", "noise_degC"), [(0.01, 1e-3), (0.01, 3e-3), (0.1, 0.03)])
+def test_a_coarse_thermometer_does_not_stand_still_where_the_temperature_rests(
+    step_degC: float, noise_degC: float
+) -> None:
+    """Soaks of two hours and ramps between them, a reading a minute."""
+    rng, levels = np.random.default_rng(5), [22.0, -40.0, 0.0, 40.0, 60.0, 20.0]
+    parts = [np.full(120, levels[0])]
+    for before, after in pairwise(levels):
+        parts += [np.linspace(before, after, int(abs(after - before))), np.full(120, after)]
+    course = np.concatenate(parts)
+    true = np.empty_like(course)
+    true[0] = course[0]
+    for n in range(1, len(course)):
+        true[n] = true[n - 1] + (course[n] - true[n - 1]) / 20.0
+    for _ in range(10):
+        read = true + noise_degC * rng.standard_normal(len(true))
+        assert not still(np.round(read / step_degC) * step_degC).any()
+    read[300:400] = read[300]  # fine digits
+    assert still(read).sum() == 100

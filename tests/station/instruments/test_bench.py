@@ -104,13 +104,6 @@ def test_the_resolved_bench_reads_back_the_same() -> None:
     assert bench_from(yaml_text(bench.to_yaml_data())).file == bench.file
 
 
-@pytest.mark.parametrize("name", ["sim", "sim-alternate"])
-def test_a_bench_that_is_written_out_may_be_used_as_it_is(name: str) -> None:
-    bench = read_bench(find(BENCHES, name), registry.names(registry.DRIVERS))
-    written = yaml_text(bench.to_yaml_data())
-    assert not [*faults_of_use(read_yaml_text(written, Path("bench.resolved.yaml")))]
-
-
 def test_every_fault_of_a_bench_is_reported_at_once() -> None:
     faults = faults_of(
         "bench: 1\n"
