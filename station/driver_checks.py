@@ -221,7 +221,7 @@ def line_faults(document: Document) -> Iterator[Fault]:
             yield document.fault((*where, "shares"), what)
         own = not entry.get("shares") and not (shares is not None and shares.needed)
         if entry.get("address") or not own or not simulated:
-            continue  # on a real bench what a plan needs has an address: that check knows the plan
+            continue  # on a real bench the run says which addresses its plan lacks
         if served and entry.get("simulator") is None:
             what = "is missing; a simulated bench needs it, an empty mapping too"
             yield document.fault((*where, "simulator"), what)

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
-from station import registry
 from station.driver_checks import (
     CAN_SCHEMES,
     driver_faults,
@@ -245,16 +244,6 @@ class Bench(FromDocument):
         if u is not None:
             u = u / value if relative else factor * u
         yield InputQuantity.if_stated(name, about, u, given, source)
-
-    def leads_nowhere(self, name: str) -> bool:
-        """Whether an instrument of a real bench has neither an address nor a line that it shares.
-
-        A driver that has a simulator speaks on a wire; others may find their instrument themselves.
-        """
-        entry = self.instruments.get(name)
-        if entry is None or self.simulation is not None or entry.address or entry.shares:
-            return False
-        return entry.driver in registry.names(registry.SIMULATORS)
 
     @property
     def attached(self) -> dict[str, tuple[str, str]] | None:

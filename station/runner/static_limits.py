@@ -10,10 +10,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from station.instruments.opening import with_shared
 from station.method.set_points import checks_of
 from station.procedure import Problem
-from station.safety.interlocks.reading import watched_in_a_run
 from station.units import parse_as
 
 if TYPE_CHECKING:
@@ -32,23 +30,10 @@ def problems_of_plan(procedure: Procedure, parameters: Any, bench: Bench) -> Ite
     Instruments that the bench lacks, what the procedure itself finds, and every limit of the bench
     that a set-point would exceed.
     """
-    walk = procedure.walk(parameters)
-    needed, used = walk.instruments, walk.used_on(bench)
-    interlocks = watched_in_a_run(bench.interlocks, used)
-    opened = {*used}.union(*(interlock.instruments for interlock in interlocks))
     problems = [
         Problem(("procedure",), f"the bench {bench.name!r} has no {name}, which this plan needs")
-        for name in needed
+        for name in procedure.walk(parameters).instruments
         if name not in bench.instruments
-    ]
-    problems += [
-        Problem(
-            ("procedure",),
-            f"the bench {bench.name!r} gives no address of {name}, which this plan needs; write "
-            f"instruments.{name}.address",
-        )
-        for name in with_shared(bench, opened)
-        if bench.leads_nowhere(name)
     ]
     if not procedure.steps:
         what = "analyses imported data; it has no steps that a bench could do"

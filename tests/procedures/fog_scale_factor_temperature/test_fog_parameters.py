@@ -143,7 +143,7 @@ def test_a_drive_must_be_a_file_with_the_columns_of_one(tmp_path: Path) -> None:
     (problem,) = check(missing, bench())
     assert problem.what == "the path does not exist"
     (problem,) = check(parameters(drive={"file": "fog"}), bench())
-    assert "neither as a file nor by name; there are fog-yard-laps" in problem.what
+    assert "neither as a file nor by name; did you mean 'fog-yard-laps'; there are" in problem.what
     (tmp_path / "drive.csv").write_text("t_s,heading_deg\n0,0\n", encoding="utf-8")
     problems = list(check(missing, bench()))
     assert {one.where for one in problems} == {("parameters", "drive", "file")}

@@ -9,7 +9,6 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from command_line import PLAN, station
 
 from station import registry
 from station.files.faults import nearest
@@ -353,23 +352,6 @@ def test_shares_of_what_leads_nowhere_are_refused_as_a_run_refuses_them(
     )
     assert faults_of_use_of(f"{stage}  {instrument}\nsafe_state: []\n") == [fault]
     assert not faults_of_use_of(f"{stage}safe_state: []\n")
-
-
-def test_what_a_plan_needs_has_an_address_on_a_real_bench(tmp_path: Path) -> None:
-    """The chain is watched in each run; what a plan does not need may wait for one."""
-    text = find(BENCHES, "sim").read_text(encoding="utf-8")
-    real = text[: text.index("\nsimulation:")]
-    (tmp_path / "bench.yaml").write_text(f"{real}\n", encoding="utf-8")
-    (tmp_path / "plan.yaml").write_text(PLAN, encoding="utf-8")
-    done = station(tmp_path, "validate", "plan.yaml", "--bench", "bench.yaml")
-    assert done.returncode == 2
-    lines = done.stderr.splitlines()
-    named = [line.split(" no address of ")[1].split(",")[0] for line in lines]
-    assert named == ["coil_supply.x", "gaussmeter", "gyro_acquisition", "interlock_chain"]
-    assert lines[0] == (
-        "plan.yaml:2:12: procedure: the bench 'sim' gives no address of coil_supply.x, which this "
-        "plan needs; write instruments.coil_supply.x.address"
-    )
 
 
 LAB = """\
