@@ -80,7 +80,7 @@ class PlaceRows:
 def judged(by_unit: Mapping[str, NDArray[Any]], still: Still) -> dict[str, PlaceRows]:
     """Return what was recorded in units of work with which readings stand `still`.
 
-    That is told over all of them in the order of time: in a soak alone a coarse sensor may stand.
+    All of them are judged together, in the order of time: in one soak a coarse sensor may repeat.
     """
     import numpy as np
 
